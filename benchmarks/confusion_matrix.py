@@ -39,6 +39,11 @@ from worlds.store import StoredCase, load_case, save_case
 
 QUIET = ("no_discrepancy", "insufficient_data")
 ANGLE = {"roll": "x", "pitch": "y", "yaw": "z"}
+#: magnitude that a good installation has too -> its tolerance and the factor to the unit that is stated
+TOLERATED = {
+    "gain error": ("gain", 1.0), "delay": ("delay", 1.0), "offset": ("bias", 1.0), "CG offset": ("cg", 1.0),
+    "angle": ("misalignment", math.degrees(1.0)), "position error": ("position", 1.0),
+}  # fmt: skip
 #: pairs of effects that leave different traces; drawn from by ``--pairs``
 PAIR_POOL = (
     "coulomb_friction", "viscoelasticity", "stiffness_nonlinearity", "damping_nonlinearity", "bump_stop",
@@ -187,6 +192,16 @@ def same_place(planted: dict[str, Any], found: dict[str, Any]) -> bool:
         return False
     axis = ANGLE.get(found["axis"], found["axis"])
     return not planted["axis"] or axis == planted["axis"]
+
+
+def tolerated(record: dict[str, Any]) -> bool:
+    """Return whether a single effect lies within three standard deviations of a good installation: calibration, not a cause."""
+    from ride_estimation.diagnosis.settings import Tolerances
+
+    if len(record["causes"]) != 1:
+        return False
+    sizes = [(TOLERATED[n], abs(v)) for n, v in (record["planted"][0].get("magnitudes") or {}).items() if n in TOLERATED]
+    return any(size < 3.0 * factor * getattr(Tolerances(), name) for (name, factor), size in sizes)
 
 
 def first(record: dict[str, Any]) -> str:
@@ -361,6 +376,8 @@ def summary(records: list[dict[str, Any]]) -> str:
     """Return all figures of the table of targets that the records allow."""
     without = [r for r in records if r.get("without")]
     every, records = records, [r for r in records if not r.get("without")]
+    small = [r for r in records if tolerated(r)]
+    records = [r for r in records if r not in small]
     single = [r for r in records if len(r["causes"]) == 1 and not r["causes"][0].startswith("outside:")]
     clean = [r for r in records if not r["causes"]]
     outside = [r for r in records if r["causes"] and r["causes"][0].startswith("outside:")]
@@ -373,6 +390,8 @@ def summary(records: list[dict[str, Any]]) -> str:
         lines.append(
             _line(f"right cause first, residual {residual:g}, noise {noise:g}", (first(r) == r["causes"][0] for r in at), target)
         )
+    calibrated = (first(r) in (*QUIET, r["causes"][0]) for r in small)
+    lines.append(_line("effects within three standard deviations of a good installation: calibrated or named", calibrated, "all"))
     right = [r for r in single if first(r) == r["causes"][0]]
     named = (f["id"] in r["causes"] for r in single for f in r["found"])
     lines.append(_line("single effects: named causes that are right", named, ">= 95 %"))

@@ -426,12 +426,13 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[RunData]
         refuted = bool(reason)
         _, remaining = remaining_energy(work, base, gain)
         known = within_library(force_laws(accepted.fitted), remaining, law, settings)
-        # most of the residual remains: to name the best candidate would mislead unless something is wrong and its gain proven
-        if not reason and judged_in_band(work) and known < 0.5 and remaining > _MOSTLY_UNEXPLAINED:
-            if not discrepancy(work, base, gain):
-                reason = f"leave {100 * remaining:.0f} % of what a model misses that counts as right without them"
-            elif not proven(gain, settings):
-                reason = f"leave {100 * remaining:.0f} % of the residual energy and gain nothing that is beyond doubt"
+        # a model that counts as right without them, or keeps most of its residual with them, needs a gain beyond doubt
+        if not reason and judged_in_band(work):
+            gained = proven(gain, settings)
+            if not discrepancy(work, base, gain) and (known < 0.5 or not gained):
+                reason = "gained nothing beyond doubt over a model that counts as right"
+            elif known < 0.5 and remaining > _MOSTLY_UNEXPLAINED and not gained:
+                reason = f"left {100 * remaining:.0f} % of the residual energy and gained nothing beyond doubt"
         if not reason:
             return _Judged(work, extended, gain, warnings, law)
     refused = f"{', '.join(accepted.causes)} {reason}: not named"

@@ -114,6 +114,11 @@ def measured_gain(
     settings = work.settings
     warnings: list[str] = []
     base_squares, ext_squares = block_squares(base), block_squares(extended)
+    judge = work.splits.judge if not work.extended.fitted else extended.told(work.splits.judge)
+    baseline, after = (pooled_nrmse(e, base_squares[1], judge) for e in (base_squares[0], ext_squares[0]))
+    # what is unknown of the tilt of brackets is an upper limit: where a model leaves less, it was less
+    floor = min(noise_floor(base.view, base_squares[1], judge), baseline, after)
+    own = (baseline, after, floor)
     results: list[ValidationGain] = []
     blocks: list[JudgedBlocks] = []
     for data in validation:
@@ -143,17 +148,16 @@ def measured_gain(
         before, left = (pooled_nrmse(e, s0, judged) for e in (e0, e1))
         inside = None
         if len(known) < len(judged):
-            there = [pooled_nrmse(e, s0, known) for e in (e0, e1)]
-            inside = (there[0], there[1], min(noise_floor(probe.view, s0, known), *there))
+            # too few to judge a law by: the blocks of the run itself that fitted nothing
+            inside = own
+            if enough_in_range(known, judged):
+                there = [pooled_nrmse(e, s0, known) for e in (e0, e1)]
+                inside = (there[0], there[1], min(noise_floor(probe.view, s0, known), *there))
         results.append(ValidationGain(
             name, before, left, bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),
             min(noise_floor(probe.view, s0, judged), before, left), inside,
         ))
         blocks.append(JudgedBlocks(name, judged, e1[judged], s0[judged]))
-    judge = work.splits.judge if not work.extended.fitted else extended.told(work.splits.judge)
-    baseline, after = (pooled_nrmse(e, base_squares[1], judge) for e in (base_squares[0], ext_squares[0]))
-    # what is unknown of the tilt of brackets is an upper limit: where a model leaves less, it was less
-    floor = min(noise_floor(base.view, base_squares[1], judge), baseline, after)
     if not results:
         results.append(ValidationGain(
             f"{work.data.measured.name} (judge blocks)", baseline, after,
@@ -188,7 +192,7 @@ def gain_over(gain: Gain, recorded: Sequence[tuple[Array, Array]], settings: Set
 
 
 def in_range(accepted: FullFit | None, view: RunView, blocks: IntArray) -> IntArray:
-    """Return the blocks of another run in which the laws stay within what they were fitted on, all where those are too few.
+    """Return the blocks of another run in which the laws stay within what they were fitted on.
 
     A stop that the other road hits twice as deep is the same stop, and what it does there no run has told.
     """
@@ -202,7 +206,12 @@ def in_range(accepted: FullFit | None, view: RunView, blocks: IntArray) -> IntAr
             seen = _extremes(accepted.view, getattr(accepted.view, name)[:, ports], np.arange(accepted.view.blocks.count))
             here = _extremes(view, getattr(view, name)[:, ports], blocks)
             inside &= np.all((here[0] >= seen[0].min(axis=0)) & (here[1] <= seen[1].max(axis=0)), axis=1)
-    return blocks[inside] if np.count_nonzero(inside) >= max(LEAST_BLOCKS, len(blocks) // 4) else blocks
+    return blocks[inside]
+
+
+def enough_in_range(inside: IntArray, blocks: IntArray) -> bool:
+    """Return whether the blocks inside of what laws were fitted on are enough of a run to judge them by."""
+    return len(inside) >= max(LEAST_BLOCKS, len(blocks) // 4)
 
 
 def _extremes(view: RunView, signals: Array, blocks: IntArray) -> tuple[Array, Array]:

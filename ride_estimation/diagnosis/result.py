@@ -61,7 +61,8 @@ class ValidationGain:
         Block-bootstrap interval of ``baseline - extended``.
     in_range
         ``baseline``, ``extended`` and ``noise_floor`` of the blocks whose strokes and rates the fitted run had at the mounts of
-        the named laws, where there are others: beyond them a law is extrapolated, which says nothing of its kind.
+        the named laws, where there are others: beyond them a law is extrapolated, which says nothing of its kind. Where hardly
+        any block has, those of the judge blocks of the fitted run.
     """
 
     run: str

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.fitting import FullFit
-from ride_estimation.diagnosis.gain import in_range
+from ride_estimation.diagnosis.gain import enough_in_range, in_range
 from ride_estimation.diagnosis.noise import temper_of
 from ride_estimation.diagnosis.prediction import Model, Prediction, predict
 from ride_estimation.diagnosis.run_data import RunData
@@ -101,9 +101,11 @@ def _compared(data: RunData, baseline: Model, fits: Sequence[FullFit]) -> list[E
     out = []
     for fit in fits[1:]:
         other = predict(data, model_of(fit))
-        blocks = np.arange(view.blocks.count)
+        every = blocks = np.arange(view.blocks.count)
         for one, seen in ((fits[0], view), (fit, other.view)):
             blocks = in_range(one, seen, blocks)
+        # of two laws that are both extrapolated, the one that goes on better is the likelier one
+        blocks = blocks if enough_in_range(blocks, every) else every
         misfit = _misfit(other, view)
         per_dof = min(float(m[blocks].sum()) for m in (best, misfit)) / float(view.block_dof[blocks].sum())
         twice = 2.0 * temper_of(per_dof, view.inefficiency)

@@ -100,13 +100,12 @@ def within_library(count: int, remaining: float, law: FreeLaw, settings: Setting
     """Return the probability that the named causes, and not one effect that no library lists, explain the run.
 
     One effect outside the library rivals every set of causes. A further cause has its prior, so an unknown effect that takes
-    several causes to describe gets the likelier the more they are. Two shares tell a cause that only mimics the real one:
-    what remains is small on average for the right cause and anything up to all of it for a mimic; what a law of general form
-    explains beyond the right cause is small too, on average :data:`_FORM_BEYOND` and a share of whatever else the model
-    misses, and for a mimic anything from there on, every order of magnitude alike. They are no independent evidence: the one that
-    says more counts. How far real laws are from those of a library is known as an average over mounts at best, and that
-    differs from one kind of mount to the next: the shares of a right cause are exponential with an unknown mean, which is
-    the distribution of Lomax (1954), with a tail that makes nobody certain.
+    several causes to describe gets the likelier the more they are. Two shares tell a cause that only mimics the real one: what
+    remains, and what a law of general form explains beyond the cause. Both are small on average for a right cause, the second a
+    share of whatever else the model misses on top; a mimic leaves anything up to all of it. They are no independent evidence: the
+    one that says more counts. How far real laws are from those of a library is known as an average over mounts at best, and that
+    differs from one kind of mount to the next: the shares of a right cause are exponential with an unknown mean, which is the
+    distribution of Lomax (1954).
 
     Parameters
     ----------
@@ -119,16 +118,17 @@ def within_library(count: int, remaining: float, law: FreeLaw, settings: Setting
     """
     odds = settings.unknown_probability / (1.0 - settings.unknown_probability) / settings.further_cause ** max(count - 1, 0)
     left = 1.0 / _right(min(remaining, 1.0), _FORM_LEFT)
-    share = min(law.share, 1.0)
-    mimic = 1.0 / (max(share, _FORM_BEYOND) * math.log(1.0 / _FORM_BEYOND))
-    beyond = mimic / _right(share, _FORM_BEYOND + _FITS_ANYTHING * law.left)
+    beyond = 1.0 / _right(min(law.share, 1.0), _FORM_BEYOND + _FITS_ANYTHING * law.left)
     return 1.0 / (1.0 + odds * max(left, beyond))
 
 
 def _right(share: float, mean: float) -> float:
-    """Return the probability density of a share that a right cause leaves, Lomax with a mean and :data:`_TAIL`."""
+    """Return the probability density of a share that a right cause leaves, Lomax with a mean and :data:`_TAIL`.
+
+    Below the mean it is that of the mean: how often a mimic leaves nothing at all has not been measured.
+    """
     scale = (_TAIL - 1.0) * mean
-    return _TAIL / scale * math.pow(1.0 + share / scale, -(_TAIL + 1.0))
+    return _TAIL / scale * math.pow(1.0 + max(share, mean) / scale, -(_TAIL + 1.0))
 
 
 def _axis_of(view: RunView, fitted: Fitted) -> str:

@@ -372,9 +372,9 @@ def test_forces_and_masses_are_known_no_better_than_the_mass_of_the_file(mass_st
 def test_stated_probability_counts_what_no_library_lists():
     settings = Settings(unknown_probability=0.1, further_cause=0.2)
     # Lomax with a mean m and three degrees: 1.5 / m (1 + r / 2 m)^-4; a mimic leaves anything
-    # nothing left: only what a law of general form might still explain, 1.3 % beside a right law, any order for a mimic
+    # nothing left, and nothing that a law of general form explains, is no more certain than what right causes leave on average
     certain = within_library(1, 0.0, NO_LAW, settings)
-    assert certain == pytest.approx(9.0 / (9.0 + 1.0 / (1.5 * np.log(1.0 / 0.013))))
+    assert certain == pytest.approx(9.0 / (9.0 + 0.05 / 1.5 * 1.5**4)) == within_library(1, 0.05, NO_LAW, settings) < 0.99
     # odds of an unknown effect against two causes: five times as likely
     assert 1.0 / within_library(2, 0.0, NO_LAW, settings) - 1.0 == pytest.approx(5.0 * (1.0 / certain - 1.0))
     # a right cause leaves 5 % on average, a mimic anything
@@ -383,8 +383,8 @@ def test_stated_probability_counts_what_no_library_lists():
     assert 0.1 < within_library(1, 0.5, NO_LAW, settings) < 0.25
     # a law of general form explains 7.8 % more: six times the mean of a right cause, three times where 39 % are left by something
     refuted, doubted = (within_library(1, 0.0, FreeLaw("mount", "z", 0.078, left), settings) for left in (0.0, 0.39))
-    assert refuted == pytest.approx(9.0 / (9.0 + 4.0**4 / (1.5 * 6.0 * np.log(1.0 / 0.013))))
-    assert doubted == pytest.approx(9.0 / (9.0 + 2.5**4 / (1.5 * 3.0 * np.log(1.0 / 0.013))))
+    assert refuted == pytest.approx(9.0 / (9.0 + 0.013 / 1.5 * 4.0**4))
+    assert doubted == pytest.approx(9.0 / (9.0 + 0.026 / 1.5 * 2.5**4))
 
 
 @pytest.mark.parametrize(

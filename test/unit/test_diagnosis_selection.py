@@ -19,7 +19,7 @@ from ride_estimation.diagnosis.fitting import with_effects
 from ride_estimation.diagnosis.hypothesis import Hypothesis
 from ride_estimation.diagnosis.model_run import ModelState
 from ride_estimation.diagnosis.screening import Score
-from ride_estimation.diagnosis.selection import Candidate, Selector, _evidence
+from ride_estimation.diagnosis.selection import Candidate, Selector, required_evidence
 from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.diagnosis.shape_search import searched_shape
 from ride_estimation.diagnosis.verdict import reversal_odds
@@ -206,8 +206,8 @@ def test_a_fault_that_shows_in_mean_readings_alone_needs_less_evidence(moves: bo
     rows[..., 1] = float(moves)
     fitted = tuple(types.SimpleNamespace(hypothesis=h, coefficients=np.ones(1)) for h in (law, bias))
     fit = types.SimpleNamespace(rows=rows, fitted=fitted, part=lambda n: slice(n, n + 1))
-    assert _evidence(Candidate(fit, 0.0, place), Settings()) == needed
-    assert _evidence(Candidate(fit, 0.0, place - 2), Settings()) == needed
+    assert required_evidence(fit, place, Settings()) == needed
+    assert required_evidence(fit, place - 2, Settings()) == needed
 
 
 @pytest.mark.parametrize(
@@ -222,3 +222,24 @@ def test_accepted_causes_are_fitted_until_a_round_removes_little(misfits: list[f
     selector.fitter = types.SimpleNamespace(fit=lambda fitted, passes, after: next(asked))
     assert selector._converged(fits[0]) is fits[kept]
     assert selector._fits == rounds
+
+
+@pytest.mark.parametrize(("lost", "kept"), [(10.0, 2), (5.0, 1)])
+def test_a_fault_in_mean_readings_is_kept_beside_another_cause_on_the_evidence_it_needs(lost: float, kept: int):
+    """Both are lost by the fit without the fault, of which 7 nat are asked; the law is necessary beyond doubt."""
+    law = Hypothesis("backlash", "s", "z", lambda view, shape: [])
+    bias = Hypothesis("sensor_bias", "s", "z", lambda view, shape: [], shows_in_means=True)
+    fitted = tuple(types.SimpleNamespace(hypothesis=h) for h in (law, bias))
+    rows = np.zeros((2, 3, 2))
+    rows[..., 0] = 1.0
+    both, alone = (
+        types.SimpleNamespace(
+            fitted=causes, misfit=1.0, inefficiency=1.0, rows=rows, part=lambda n: slice(n, n + 1),
+            misfit_without=lambda place, blocks: 1.0 if place else 1e6, log_likelihood=lambda temper, level=level: level,
+        )
+        for causes, level in ((fitted, 0.0), (fitted[:1], -lost))
+    )  # fmt: skip
+    selector = object.__new__(Selector)
+    selector._dof, selector._blocks, selector._settings = 1.0, np.arange(2), Settings()
+    selector._fitted = lambda rests, passes, after: [alone for _ in rests]
+    assert len(selector._without_idle(both).fitted) == kept

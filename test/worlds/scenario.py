@@ -166,12 +166,13 @@ def _magnitudes(e: Effect, size: float, plain: CabVehicle, sensors: tuple[CabSen
     hidden, axis = vehicle.hidden, "xyz".find(e.axis) if e.axis else 0
     sensor = next((s for s in sensors if s.name == e.location), None)
     if sensor is not None:
-        gain = np.broadcast_to(sensor.gain, 3)
+        gain, bias = np.broadcast_to(sensor.gain, 3), np.broadcast_to(sensor.bias, 3)
         turn = np.eye(3) if sensor.true_rotation is None else sensor.rotation.T @ sensor.true_rotation
         moved = np.zeros(3) if sensor.true_position is None else sensor.true_position - sensor.position
         skew = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
         return {
             "sensor_gain": {"gain error": float(gain[axis] - 1.0)}, "sensor_delay": {"delay": sensor.delay_s},
+            "sensor_bias": {"offset": float(bias[axis])},
             "sensor_misalignment": {"angle": float(np.degrees(np.arcsin(np.clip(skew[axis], -1.0, 1.0))))},
             "wrong_sensor_position": {"position error": float(moved[axis])},
             "sensor_clipping": {"clipping level": float(sensor.clip)},

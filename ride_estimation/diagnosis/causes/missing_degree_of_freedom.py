@@ -19,6 +19,7 @@ from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.vehicles.vehicle import Body, Mount, Prior, Vehicle
 
+_IN_BAND = 1.5  # times the lower edge of the band: a resonance below it does not show
 _LARGEST_SHARE = 0.5  # of the mass of the body: what most of it hangs on is no part of the body but its mount
 
 
@@ -39,7 +40,8 @@ class MissingDegreeOfFreedom(Cause):
             {"frequency": float(f), "damping": z, "included": i}
             for i in (1.0, 0.0) for f in np.geomspace(0.9, 16.0, 9) for z in (0.07, 0.25)
         )
-        bounds = (Shape("frequency", 4.0, 0.5, 25.0), Shape("damping", 0.15, 0.02, 0.8))
+        lowest = _IN_BAND * view.settings.band_hz[0]
+        bounds = (Shape("frequency", 4.0, lowest, 25.0), Shape("damping", 0.15, 0.02, 0.8))
         out: list[Hypothesis] = []
         for body in dict.fromkeys(b for b, _ in view.plant.coordinates):
             free = [c for b, c in view.plant.coordinates if b == body]
@@ -50,7 +52,9 @@ class MissingDegreeOfFreedom(Cause):
 
                 signs = (Sign.POSITIVE, Sign.ANY, Sign.ANY, Sign.POSITIVE, Sign.POSITIVE, Sign.ANY)
                 largest = _LARGEST_SHARE * view.plant.vehicle.bodies[body].mass.value
-                out.append(Hypothesis(self.ID, body, axis, columns, grid, bounds, signs, essential=(0,), largest=largest))
+                out.append(Hypothesis(
+                    self.ID, body, axis, columns, grid, bounds, signs, essential=(0,), largest=largest, inner=("frequency",)
+                ))
         return out
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
