@@ -79,6 +79,7 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 Report = Callable[[float], None]
 
+_EVEN = 0.5  # probability of the library from which a run is explained
 _MOSTLY_UNEXPLAINED = 0.5  # share of the residual energy above which naming the best candidate would mislead
 
 
@@ -429,9 +430,9 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[RunData]
         # a model that counts as right without them, or keeps most of its residual with them, needs a gain beyond doubt
         if not reason and judged_in_band(work):
             gained = proven(gain, settings)
-            if not discrepancy(work, base, gain) and (known < 0.5 or not gained):
+            if not discrepancy(work, base, gain) and (known < _EVEN or not gained):
                 reason = "gained nothing beyond doubt over a model that counts as right"
-            elif known < 0.5 and remaining > _MOSTLY_UNEXPLAINED and not gained:
+            elif known < _EVEN and remaining > _MOSTLY_UNEXPLAINED and not gained:
                 reason = f"left {100 * remaining:.0f} % of the residual energy and gained nothing beyond doubt"
         if not reason:
             return _Judged(work, extended, gain, warnings, law)
@@ -451,8 +452,8 @@ def _verdict(work: Work, base: Prediction, judged: _Judged, named: tuple[NamedCa
     """Return the verdict, the share of the residual energy that remains and the probability that the library explains the run.
 
     A cause that leaves little where nothing was fitted explains the run even if its law has not the form of the real one, which a
-    law of general form at its mounts shows; what remains lowers its confidence and is stated. Several that rather mimic one
-    effect outside the library may predict as well, and so may one cause where a law at another mount explains more.
+    law of general form at its mounts shows: the mount is right, of the kind of its law the odds are even. Several that rather
+    mimic one effect outside the library may predict as well, and so may one cause where a law at another mount explains more.
     """
     left, remaining = (1.0, 1.0) if judged.refuted else remaining_energy(work, base, judged.gain)
     # in the run every frequency weighs against its noise; what a prediction misses elsewhere weighs by what it is of the motion
@@ -468,8 +469,9 @@ def _verdict(work: Work, base: Prediction, judged: _Judged, named: tuple[NamedCa
         return (UNEXPLAINED if remaining > 0.0 else NO_DISCREPANCY), remaining, known
     ports = {p for f in accepted.fitted for p in f.hypothesis.ports} if accepted is not None else set()
     form = laws == 1 and not ports.isdisjoint(judged.law.ports)
-    enough = form and elsewhere is not None and elsewhere < work.settings.unexplained
-    return (EXPLAINED if known >= 0.5 or enough else UNEXPLAINED), remaining, known
+    if form and elsewhere is not None and elsewhere < work.settings.unexplained:
+        known = max(known, _EVEN)
+    return (EXPLAINED if known >= _EVEN else UNEXPLAINED), remaining, known
 
 
 def _soft_mount(work: Work, state: ModelState, log_std: Array) -> Fitted | None:

@@ -274,6 +274,8 @@ def test_several_causes_that_rather_mimic_one_unlisted_effect_explain_nothing(mo
     # a law of another form explains 7.5 % more: one cause may have that form, of two an unlisted effect is likelier
     law, friction, bent = FreeLaw("all", "x", 0.075), part("coulomb_friction", "x", 0), part("stiffness_nonlinearity", "x", 0)
     assert verdict_of(monkeypatch, 0.001, 0.0, law, friction)[0] == "explained"
+    # the right mount with a law of another form: the confidence agrees with the verdict
+    assert verdict_of(monkeypatch, 0.001, 0.0, FreeLaw("all", "x", 0.6, 0.0, (0,)), friction)[::2] == ("explained", 0.5)
     verdict, _, known = verdict_of(monkeypatch, 0.001, 0.0, law, friction, bent)
     assert verdict == "unexplained" and known < 0.5
     # two descriptions of one force are one cause
