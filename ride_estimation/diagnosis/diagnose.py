@@ -427,12 +427,12 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[RunData]
         refuted = bool(reason)
         _, remaining = remaining_energy(work, base, gain)
         known = within_library(force_laws(accepted.fitted), remaining, law, settings)
-        # a model that counts as right without them, or keeps most of its residual with them, needs a gain beyond doubt
+        # where nothing above the noise is left without them, or most of it with them, they need a gain beyond doubt
         if not reason and judged_in_band(work):
             gained = proven(gain, settings)
-            if not discrepancy(work, base, gain) and (known < _EVEN or not gained):
-                reason = "gained nothing beyond doubt over a model that counts as right"
-            elif known < _EVEN and remaining > _MOSTLY_UNEXPLAINED and not gained:
+            if work.selector.base_excess <= 1.0 and (known < _EVEN or not gained):
+                reason = "gained nothing beyond doubt over a model that leaves no more than noise"
+            elif known < _EVEN and remaining > _MOSTLY_UNEXPLAINED and not (gained and discrepancy(work, base, gain)):
                 reason = f"left {100 * remaining:.0f} % of the residual energy and gained nothing beyond doubt"
         if not reason:
             return _Judged(work, extended, gain, warnings, law)

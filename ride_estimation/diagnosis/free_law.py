@@ -47,6 +47,9 @@ class FreeLaw:
         Energy above the noise floor that the named causes leave, over the same [-].
     ports
         The mounts as ports.
+    alone
+        Energy that a law of general form explains instead of named causes that are no force laws, over the energy that these
+        explain [-].
     """
 
     location: str
@@ -54,6 +57,7 @@ class FreeLaw:
     share: float
     left: float = 0.0
     ports: tuple[int, ...] = ()
+    alone: float = 0.0
 
 
 #: nothing explains more

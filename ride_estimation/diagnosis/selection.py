@@ -339,7 +339,11 @@ class Selector:
         named = accepted.coefficients[count:][accepted.coefficients[count:] != 0.0]
         spread = np.concatenate([np.sqrt(problem.temper) * problem.prior_std[:count], np.abs(named)])
         problem = problem.with_prior(spread, np.concatenate([problem.prior_offset[:count], named]))
-        return free_law(view, self._cal.table, problem, explained, float((accepted.block_misfit - view.block_dof).sum()))
+        law = free_law(view, self._cal.table, problem, explained, float((accepted.block_misfit - view.block_dof).sum()))
+        if any(f.hypothesis.ports for f in accepted.fitted):
+            return law
+        instead = free_law(self._cal.view, self._cal.table, self._cal.regression, explained, 0.0)
+        return dataclasses.replace(law, alone=instead.share)
 
     def without_weakest(self, selection: Selection, accepted: FullFit) -> Selection:
         """Return a selection of several accepted causes without the one that the others need least."""

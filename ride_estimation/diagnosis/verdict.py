@@ -105,7 +105,8 @@ def within_library(count: int, remaining: float, law: FreeLaw, settings: Setting
     share of whatever else the model misses on top; a mimic leaves anything up to all of it. They are no independent evidence: the
     one that says more counts. How far real laws are from those of a library is known as an average over mounts at best, and that
     differs from one kind of mount to the next: the shares of a right cause are exponential with an unknown mean, which is the
-    distribution of Lomax (1954).
+    distribution of Lomax (1954). Causes that are no force laws have one more rival: a law of general form at one mount that
+    explains without them nearly as much as they do.
 
     Parameters
     ----------
@@ -119,7 +120,8 @@ def within_library(count: int, remaining: float, law: FreeLaw, settings: Setting
     odds = settings.unknown_probability / (1.0 - settings.unknown_probability) / settings.further_cause ** max(count - 1, 0)
     left = 1.0 / _right(min(remaining, 1.0), _FORM_LEFT)
     beyond = 1.0 / _right(min(law.share, 1.0), _FORM_BEYOND + _FITS_ANYTHING * law.left)
-    return 1.0 / (1.0 + odds * max(left, beyond))
+    instead = max(_right(max(1.0 - law.alone, 0.0), _FORM_LEFT), 1.0)
+    return 1.0 / (1.0 + odds * max(left, beyond) * instead)
 
 
 def _right(share: float, mean: float) -> float:

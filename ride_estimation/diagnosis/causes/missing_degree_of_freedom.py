@@ -19,7 +19,7 @@ from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.vehicles.vehicle import Body, Mount, Prior, Vehicle
 
-_IN_BAND = 1.5  # times the lower edge of the band: a resonance below it does not show
+_IN_BAND = 2.0  # times the lower edge of the band: below it, a resonance shows on one side only
 _LARGEST_SHARE = 0.5  # of the mass of the body: what most of it hangs on is no part of the body but its mount
 
 
