@@ -385,7 +385,7 @@ def test_stated_probability_counts_what_no_library_lists():
     refuted, doubted = (within_library(1, 0.0, FreeLaw("mount", "z", 0.078, left), settings) for left in (0.0, 0.39))
     assert refuted == pytest.approx(9.0 / (9.0 + 0.013 / 1.5 * 4.0**4))
     assert doubted == pytest.approx(9.0 / (9.0 + 0.026 / 1.5 * 2.5**4))
-    # a law at one mount that explains 97 % of what a sprung mass does is likelier by as much as right laws leave 3 %; 60 % is none
+    # a law at one mount explains 97 % of what a sprung mass does: likelier by as much as right laws leave 3 %; 60 % is no rival
     rival, none = (within_library(1, 0.0, FreeLaw("mount", "x", 0.0, alone=share), settings) for share in (0.97, 0.6))
     assert 1.0 / rival - 1.0 == pytest.approx((1.0 / certain - 1.0) * 1.5**-3 / 0.05)
     assert none == certain
