@@ -79,6 +79,8 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 Report = Callable[[float], None]
 
+_FORGOTTEN = 3.0  # time constants after which a twentieth of a free motion is left
+_MOST_TRIMMED = 0.15  # of a run that is left out at either end at most
 _EVEN = 0.5  # probability of the library from which a run is explained
 _MOSTLY_UNEXPLAINED = 0.5  # share of the residual energy above which naming the best candidate would mislead
 
@@ -165,7 +167,7 @@ def _errors_as_recorded(
     model, plant = plain_model(calibrated), calibrated.view.plant
     runs = {r.name: r for r in recorded}
     return [
-        block_squares(predict(RunData(plant, measurement(plant, runs[b.run]), settings), model)) for b in gain.blocks
+        block_squares(predict(RunData(plant, measurement(plant, runs[b.run]), data.settings), model)) for b in gain.blocks
     ]
 
 
@@ -256,6 +258,7 @@ def _diagnosed(
     """Return the diagnosis of one run, the others only judging."""
     try:
         data, splits = _prepare(vehicle, run, settings)
+        settings = data.settings
         calibrated = with_held_faults(calibrate(data, splits.train))
         _check_excitation(calibrated.view, settings)
     except InputDataError as error:
@@ -293,6 +296,9 @@ def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[Run
         plant = build_plant(vehicle, spoke, tolerances.stiffness, tolerances.damping)
         words += tuple(f"the angular rates of {name} are not used: {reason}" for name, reason in wrong.items())
     plant = dataclasses.replace(plant, warnings=(*plant.warnings, *words))
+    # what the body keeps of its start, and of the fading of both ends, is none of the model's errors
+    forgotten = min(_FORGOTTEN * plant.memory_s(settings.band_hz), _MOST_TRIMMED * duration)
+    settings = dataclasses.replace(settings, trim_s=max(settings.trim_s, forgotten))
     data = RunData(plant, measurement(plant, run), settings)
     if data.blocks.count < LEAST_BLOCKS:
         raise InputDataError(

@@ -184,6 +184,19 @@ class Plant:
         settles = square > (2.0 * np.pi / duration_s) ** 2
         return np.asarray((shape[:, settles] / square[settles]) @ shape[:, settles].T @ wrench)
 
+    def memory_s(self, band_hz: tuple[float, float]) -> float:
+        """Return the time constant of the free motion in a band that decays most slowly, by the vehicle file [s].
+
+        ``2 / (phi^T C phi)`` of a mode of unit modal mass.
+        """
+        stiffness, damping = (np.array([getattr(p, kind) for p in self.ports]) for kind in ("stiffness", "damping"))
+        spring, damper = (self.port_map.T @ (part[:, None] * self.port_map) for part in (stiffness, damping))
+        square, shape = eigh(spring + self.gravity_stiffness, self.mass)
+        frequency = np.sqrt(np.maximum(square, 0.0)) / (2.0 * np.pi)
+        inside = (frequency > band_hz[0]) & (frequency < band_hz[1])
+        rates = 0.5 * np.einsum("pi,pq,qi->i", shape, damper, shape)[inside]
+        return float(1.0 / rates.min()) if len(rates) and rates.min() > 0.0 else 0.0
+
     @property
     def slope(self) -> Array:
         """Return the base slope (roll, pitch, yaw of the brackets) ``= slope u / (-omega^2)``, shape (nb, nu)."""

@@ -83,7 +83,8 @@ class Settings:
     block_s
         Length of the blocks that are dealt to fit, select and judge [s].
     trim_s
-        Stretch left out at both ends and around gaps, because the model has not forgotten its start [s].
+        Stretch left out at both ends and around gaps, because the model has not forgotten its start [s]; more where the vehicle
+        file says that a mode decays more slowly.
     adequacy
         Relative error of a model that still counts as right, share of each channel's amplitude [-].
     over_band
