@@ -292,3 +292,22 @@ def test_what_is_left_where_nothing_was_fitted_decides_over_what_is_left_beyond_
     assert verdict_of(monkeypatch, 0.02, 0.02, FreeLaw("fl", "y", 0.21, 0.03, (1,)), play)[0] == "unexplained"
     assert verdict_of(monkeypatch, 0.02, 0.02, FreeLaw("fl", "z", 0.21, 0.03, (2, 5)), play)[0] == "explained"
     assert verdict_of(monkeypatch, 0.3, 0.02, FreeLaw("fl", "z", 0.21, 0.03, (2, 5)), play)[0] == "unexplained"
+
+
+@pytest.mark.parametrize(
+    ("excess", "known_share", "gained", "named"),
+    [(0.99, 0.0, True, True), (0.99, 0.0, False, False), (0.99, 0.9, True, False), (1.01, 0.0, False, True)],
+)
+def test_where_nothing_is_left_above_the_noise_a_cause_needs_a_gain_beyond_doubt(monkeypatch, excess, known_share, gained, named):
+    law = FreeLaw("all", "x", known_share)
+    accepted = SimpleNamespace(fitted=(part("coulomb_friction", "x", 0),), in_band=True, causes=("coulomb_friction",))
+    selector = SimpleNamespace(base_excess=excess, better_law=lambda _: law, runner_up=lambda _: None)
+    for name, value in (
+        ("predict", None), ("refusal", ""), ("measured_gain", (gain_of((0.2, 0.1, 0.0, (0.05, 0.2))), [])), ("gained_nothing", ""),
+        ("remaining_energy", (0.0, 0.0)), ("judged_in_band", True), ("proven", gained), ("discrepancy", False),
+    ):  # fmt: skip
+        monkeypatch.setattr(chain, name, lambda *_, value=value: value)
+    monkeypatch.setattr(chain.dataclasses, "replace", lambda thing, **changes: SimpleNamespace(**{**vars(thing), **changes}))
+    selection = SimpleNamespace(accepted=accepted)
+    work = SimpleNamespace(selection=selection, settings=Settings(), data=None, extended=None, selector=selector)
+    assert (chain._accepted_or_not(work, None, []).refused == "") is named

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""An elastic mode on its mounts: stiffer and more damped than free of them, and driven with that phase."""
+"""An elastic mode on its mounts: stiffer and more damped than free of them, and driven with that phase; sprung masses beside it."""
 
 from __future__ import annotations
 
@@ -107,3 +107,12 @@ def test_a_pattern_that_the_rigid_body_shows_alone_is_no_elastic_mode(view):
     size = np.linalg.norm(rigid) / np.linalg.norm(twist)
     for share, elastic in ((0.0, False), (0.02, False), (0.5, True)):
         assert hypothesis.plausible(np.array([*(rigid + share * size * twist), 0.0]), shape) is elastic
+
+
+def test_a_sprung_mass_whose_resonance_lies_at_the_edge_of_the_band_is_none(view):
+    vertical = next(h for h in library()["missing_degree_of_freedom"].hypotheses(view) if h.axis == "z")
+    lower = next(s.lower for s in vertical.shapes if s.name == "frequency")
+    assert lower == 2.0 * view.settings.band_hz[0]
+    coefficients = np.array([30.0, 0.0, 0.0, 0.1, 0.1, 0.0])
+    for frequency, possible in ((lower, False), (1.2 * lower, True)):
+        assert vertical.meaningful(coefficients, {"frequency": frequency, "damping": 0.2, "included": 1.0}) is possible

@@ -203,3 +203,16 @@ def test_what_a_model_misses_on_blocks_that_were_not_fitted_is_no_agreement():
     assert judged.baseline > 2.5 * judged.noise_floor
     assert answer.verdict == "unexplained"
     assert "does not name" in answer.sentence
+
+
+def test_a_road_that_leaves_the_strokes_of_the_fitted_run_everywhere_does_not_judge_a_law():
+    def softening(x: float, v: float) -> float:
+        return -0.5 * SITE.force * math.tanh(x / SITE.deflection)
+
+    run, rougher = quarter_car_run(31, law=softening), quarter_car_run(32, law=softening, roughness=8.0)
+    answer = diagnose(quarter_car(), run, [rougher])
+    assert answer.gain is not None
+    (judged,) = answer.gain.validation
+    assert judged.in_range == (answer.gain.baseline, answer.gain.extended, answer.gain.noise_floor)
+    assert answer.verdict == "explained"
+    assert [c.id for c in answer.causes] == ["stiffness_nonlinearity"]
