@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""An elastic mode on its mounts: stiffer and more damped than free of them, and driven with that phase; sprung masses beside it."""
+"""An elastic mode on its mounts: stiffer and more damped than free of them, and driven with that phase."""
 
 from __future__ import annotations
 
