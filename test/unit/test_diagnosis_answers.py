@@ -304,7 +304,8 @@ def test_where_nothing_is_left_above_the_noise_a_cause_needs_a_gain_beyond_doubt
     selector = SimpleNamespace(base_excess=excess, better_law=lambda _: law, runner_up=lambda _: None)
     for name, value in (
         ("predict", None), ("refusal", ""), ("measured_gain", (gain_of((0.2, 0.1, 0.0, (0.05, 0.2))), [])),
-        ("gained_nothing", ""), ("remaining_energy", (0.0, 0.0)), ("judged_in_band", True), ("proven", gained), ("discrepancy", False),
+        ("gained_nothing", ""), ("remaining_energy", (0.0, 0.0)), ("judged_in_band", True), ("proven", gained),
+        ("discrepancy", False),
     ):  # fmt: skip
         monkeypatch.setattr(chain, name, lambda *_, value=value: value)
     monkeypatch.setattr(chain.dataclasses, "replace", lambda thing, **changes: SimpleNamespace(**{**vars(thing), **changes}))
