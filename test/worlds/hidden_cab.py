@@ -44,7 +44,7 @@ HIDDEN = (
     Hidden("viscoelasticity", 0.75, "all", "z", "fractional"),
     Hidden("stiffness_nonlinearity", 1.0, "rear_right", "z", "hollow_rubber"),
     Hidden("damping_nonlinearity", 0.45, "all", "z", "blow_off"),
-    Hidden("bump_stop", 1.2, "rear_left", "z", "foam_one_side", seed=2),
+    Hidden("bump_stop", 1.3, "rear_left", "z", "foam_one_side", seed=2),
     Hidden("backlash", 0.12, "all", "x", "soft_play"),
     Hidden("harmonic_disturbance", 0.07, axis="z"),
     Hidden("mass_change", 0.09),
