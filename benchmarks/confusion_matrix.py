@@ -377,7 +377,7 @@ def summary(records: list[dict[str, Any]]) -> str:
     without = [r for r in records if r.get("without")]
     every, records = records, [r for r in records if not r.get("without")]
     small = [r for r in records if tolerated(r)]
-    records = [r for r in records if r not in small]
+    records = [r for r in records if not tolerated(r)]
     single = [r for r in records if len(r["causes"]) == 1 and not r["causes"][0].startswith("outside:")]
     clean = [r for r in records if not r["causes"]]
     outside = [r for r in records if r["causes"] and r["causes"][0].startswith("outside:")]

@@ -297,7 +297,7 @@ def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[Run
         words += tuple(f"the angular rates of {name} are not used: {reason}" for name, reason in wrong.items())
     plant = dataclasses.replace(plant, warnings=(*plant.warnings, *words))
     # what the body keeps of its start, and of the fading of both ends, is none of the model's errors
-    forgotten = min(_FORGOTTEN * plant.memory_s(settings.band_hz), _MOST_TRIMMED * duration)
+    forgotten = min(_FORGOTTEN * plant.memory_s(*file_parameters(plant), settings.band_hz), _MOST_TRIMMED * duration)
     settings = dataclasses.replace(settings, trim_s=max(settings.trim_s, forgotten))
     data = RunData(plant, measurement(plant, run), settings)
     if data.blocks.count < LEAST_BLOCKS:

@@ -27,9 +27,10 @@ def test_the_memory_of_a_body_on_one_mount_is_twice_its_mass_over_the_damping(da
     vehicle = damped(damping)
     plant = build_plant(vehicle, dict.fromkeys(vehicle.sensors, 1))
     mass = float(plant.mass[0, 0])
-    assert plant.memory_s((0.4, 40.0)) == pytest.approx(2.0 * mass / damping, rel=1e-6)
+    laws = np.array([plant.ports[0].stiffness]), np.array([plant.ports[0].damping])
+    assert plant.memory_s(*laws, (0.4, 40.0)) == pytest.approx(2.0 * mass / damping, rel=1e-6)
     frequency = np.sqrt(plant.ports[0].stiffness / mass) / (2.0 * np.pi)
-    assert plant.memory_s((1.1 * frequency, 40.0)) == 0.0  # what does not move in the band is not judged there
+    assert plant.memory_s(*laws, (1.1 * frequency, 40.0)) == 0.0  # what does not move in the band is not judged there
 
 
 def test_a_body_that_decays_slowly_has_more_of_both_ends_left_out():
