@@ -103,8 +103,8 @@ def run_case(
     if only_make:
         return record | {"verdict": "made", "found": []}
     from ride_estimation.diagnosis.causes import library
+    from ride_estimation.diagnosis.common.settings import Settings
     from ride_estimation.diagnosis.diagnose import diagnose
-    from ride_estimation.diagnosis.settings import Settings
 
     validation = list(stored.validation)
     if halves:
@@ -196,7 +196,7 @@ def same_place(planted: dict[str, Any], found: dict[str, Any]) -> bool:
 
 def tolerated(record: dict[str, Any]) -> bool:
     """Return whether a single effect lies within three standard deviations of a good installation: calibration, not a cause."""
-    from ride_estimation.diagnosis.settings import Tolerances
+    from ride_estimation.diagnosis.common.settings import Tolerances
 
     if len(record["causes"]) != 1:
         return False

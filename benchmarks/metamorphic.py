@@ -33,8 +33,8 @@ from worlds.plane_scenario import CAUSES as QUARTER_CAUSES  # noqa: E402
 from worlds.plane_scenario import quarter_car_case  # noqa: E402
 from worlds.scenario import make_scenario  # noqa: E402
 
-from ride_estimation.diagnosis.plant import build_plant  # noqa: E402
-from ride_estimation.diagnosis.stability import spare_sensor  # noqa: E402
+from ride_estimation.diagnosis.answer.stability import spare_sensor  # noqa: E402
+from ride_estimation.diagnosis.model.plant import build_plant  # noqa: E402
 from ride_estimation.estimation.offline import run_offline  # noqa: E402
 from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
 from ride_estimation.io.bags import read_recording  # noqa: E402

@@ -23,12 +23,12 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "test"))
 
 from diagnosis_runs import FINE, RATE_HZ, hiding_law, quarter_car, quarter_car_run, ridden
 
+from ride_estimation.diagnosis.answer.next_run import candidate_runs
+from ride_estimation.diagnosis.answer.result import DECIDES, Diagnosis, NextRun
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.next_run import candidate_runs
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.result import DECIDES, Diagnosis, NextRun
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
 from ride_estimation.signals.recording import UniformRun
 from ride_estimation.vehicles.vehicle import Vehicle
 

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from ride_estimation.api.runs import Run
 from ride_estimation.api.tables import dataframe, html_table
+from ride_estimation.diagnosis.adapters.travel import diagnose_travel, needs_travel, require_travel
+from ride_estimation.diagnosis.answer.result import Diagnosis
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose as diagnose_run
 from ride_estimation.diagnosis.diagnose import require_testable
-from ride_estimation.diagnosis.result import Diagnosis
-from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.travel import diagnose_travel, needs_travel, require_travel
 from ride_estimation.errors import ConfigurationError, RideEstimationError
 from ride_estimation.io.json_file import written_last
 from ride_estimation.io.results import output_folder, software

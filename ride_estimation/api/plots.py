@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ride_estimation.diagnosis.result import Diagnosis, Evidence
+from ride_estimation.diagnosis.answer.result import Diagnosis, Evidence
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.offline import OfflineRun
 from ride_estimation.reporting import diagnosis_report, replay_plots

@@ -22,7 +22,7 @@ from ride_estimation.assessment.truth import SignalScore, at_times, score
 from ride_estimation.cli import main as command
 from ride_estimation.cli.diagnose import STAGES
 from ride_estimation.cli.progress import Progress
-from ride_estimation.diagnosis.wording import title
+from ride_estimation.diagnosis.common.wording import title
 from ride_estimation.errors import RideEstimationError
 from ride_estimation.io.results import output_folder
 from ride_estimation.io.run_metrics import best_parameters

@@ -14,8 +14,8 @@ from ride_estimation.api.runs import read_run
 from ride_estimation.cli.parts import part_of_options
 from ride_estimation.cli.progress import Progress
 from ride_estimation.cli.reading import reading_options
-from ride_estimation.diagnosis.parallel import allocate_from_one_heap
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.common.parallel import allocate_from_one_heap
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.identification.bench.record import BenchRecord
 from ride_estimation.io.bench_records import ReadOptions, read_bench_record, read_oscillator_record
@@ -25,7 +25,7 @@ from ride_estimation.io.vehicle_file import load_vehicle
 # the diagnosis is imported after the records are read: it takes a second, which whoever named a wrong file need not wait
 if TYPE_CHECKING:
     from ride_estimation.api.diagnosing import DiagnosedRun
-    from ride_estimation.diagnosis.result import Diagnosis
+    from ride_estimation.diagnosis.answer.result import Diagnosis
 
 #: usual share of the time by stage
 STAGES = {"reading": 0.03, "searching for causes": 0.92, "report": 0.05}
@@ -93,7 +93,7 @@ def _run_bench(options: argparse.Namespace, settings: Settings) -> int:
             raise InputDataError(f"{error}{words}") from error
         records.append(record)
     from ride_estimation.api.diagnosing import DiagnosedRun
-    from ride_estimation.diagnosis.bench import BenchSample, diagnose_bench
+    from ride_estimation.diagnosis.adapters.bench import BenchSample, diagnose_bench
 
     samples = [BenchSample(record.name, 1.0 / record.step_s, record.displacement, record.force) for record in records]
     warnings = [words for record in records for words in record.warnings]
@@ -122,7 +122,7 @@ def _run_oscillator(options: argparse.Namespace) -> int:
     ]
     duration = record.u.size * record.step_s
     from ride_estimation.api.diagnosing import DiagnosedRun
-    from ride_estimation.diagnosis.oscillator import default_fit, diagnose_oscillator
+    from ride_estimation.diagnosis.adapters.oscillator import default_fit, diagnose_oscillator
 
     fit = default_fit(record.u.size)
     if options.fit_range is not None:
@@ -157,7 +157,7 @@ def _save(found: DiagnosedRun, folder: Path, options: argparse.Namespace, progre
 
 def _say(answer: Diagnosis, folder: Path, options: argparse.Namespace) -> int:
     """Print an answer and where its files are."""
-    from ride_estimation.diagnosis.result import INSUFFICIENT
+    from ride_estimation.diagnosis.answer.result import INSUFFICIENT
 
     print(answer.sentence)
     if answer.next_run is not None:

@@ -9,14 +9,8 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.calibration import calibrate, file_parameters, with_held_faults
-from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.effect import Where, combined_effects
-from ride_estimation.diagnosis.evidence import make_evidence, residual_summary
-from ride_estimation.diagnosis.extension import set_linear, with_knowledge
-from ride_estimation.diagnosis.fitting import FullFit
-from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
-from ride_estimation.diagnosis.gain import (
+from ride_estimation.diagnosis.answer.evidence import make_evidence, residual_summary
+from ride_estimation.diagnosis.answer.gain import (
     FLOOR,
     discrepancy,
     gain_over,
@@ -26,18 +20,9 @@ from ride_estimation.diagnosis.gain import (
     remaining_energy,
     usable_runs,
 )
-from ride_estimation.diagnosis.gyros import unused_rates, wrong_gyros
-from ride_estimation.diagnosis.hypothesis import FORM, Fitted, Hypothesis, Law
-from ride_estimation.diagnosis.in_line import loss_without
-from ride_estimation.diagnosis.installation import installation_remarks
-from ride_estimation.diagnosis.isolability import confusions
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.next_run import next_run
-from ride_estimation.diagnosis.outlier import CALIBRATION, SOFT_MOUNT, soft_mount
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.prediction import Prediction, block_squares, pooled_nrmse, predict
-from ride_estimation.diagnosis.result import (
+from ride_estimation.diagnosis.answer.isolability import confusions
+from ride_estimation.diagnosis.answer.next_run import next_run
+from ride_estimation.diagnosis.answer.result import (
     EXPLAINED,
     INSUFFICIENT,
     NO_DISCREPANCY,
@@ -48,14 +33,9 @@ from ride_estimation.diagnosis.result import (
     NamedCause,
     Step,
 )
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.selection import Selector
-from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.splits import LEAST_BLOCKS, Splits, make_splits
-from ride_estimation.diagnosis.stability import stability
-from ride_estimation.diagnosis.validation_evidence import weighed
-from ride_estimation.diagnosis.verdict import (
+from ride_estimation.diagnosis.answer.stability import stability
+from ride_estimation.diagnosis.answer.validation_evidence import weighed
+from ride_estimation.diagnosis.answer.verdict import (
     describe,
     force_laws,
     gained_nothing,
@@ -66,9 +46,29 @@ from ride_estimation.diagnosis.verdict import (
     unexplained_run,
     within_library,
 )
-from ride_estimation.diagnosis.wiring import FoundMistake, found_mistakes, named_mistakes, put_right, without_mistakes
-from ride_estimation.diagnosis.wording import title
-from ride_estimation.diagnosis.work import Work, plain_model
+from ride_estimation.diagnosis.answer.wiring import FoundMistake, found_mistakes, named_mistakes, put_right, without_mistakes
+from ride_estimation.diagnosis.calibration.gyros import unused_rates, wrong_gyros
+from ride_estimation.diagnosis.calibration.in_line import loss_without
+from ride_estimation.diagnosis.calibration.installation import installation_remarks
+from ride_estimation.diagnosis.calibration.linear_model import calibrate, file_parameters, with_held_faults
+from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.common.effect import Where, combined_effects
+from ride_estimation.diagnosis.common.extension import set_linear, with_knowledge
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.common.splits import LEAST_BLOCKS, Splits, make_splits
+from ride_estimation.diagnosis.common.wording import title
+from ride_estimation.diagnosis.hypotheses.hypothesis import FORM, Fitted, Hypothesis, Law
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
+from ride_estimation.diagnosis.search.fitting import FullFit
+from ride_estimation.diagnosis.search.free_law import NO_LAW, FreeLaw
+from ride_estimation.diagnosis.search.outlier import CALIBRATION, SOFT_MOUNT, soft_mount
+from ride_estimation.diagnosis.search.prediction import Prediction, block_squares, pooled_nrmse, predict
+from ride_estimation.diagnosis.search.selection import Selector
+from ride_estimation.diagnosis.search.work import Work, plain_model
 from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.parameters.parameter_status import status_of

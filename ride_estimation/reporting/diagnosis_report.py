@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ride_estimation.diagnosis.result import Calibration, Diagnosis, Evidence, NamedCause
-from ride_estimation.diagnosis.wording import in_reading_unit, rounded, title
+from ride_estimation.diagnosis.answer.result import Calibration, Diagnosis, Evidence, NamedCause
+from ride_estimation.diagnosis.common.wording import in_reading_unit, rounded, title
 from ride_estimation.reporting.numbers import plain, reading_unit
 from ride_estimation.reporting.page import Digits, Page
 from ride_estimation.reporting.replay_plots import frequency_axis, legend_above

@@ -16,7 +16,7 @@ from ride_estimation.api.planning import plan
 from ride_estimation.api.predicted import PredictedReplay
 from ride_estimation.api.runs import Run
 from ride_estimation.cli.main import main
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.identification.sensitivities import Excitation
 from ride_estimation.io.vehicle_file import load_vehicle

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.hypothesis import Fitted, Sign
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.hypotheses.hypothesis import Fitted, Sign
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
 from ride_estimation.signals.recording import UniformRun
 
@@ -84,7 +84,7 @@ def test_the_extended_vehicle_is_written_and_loads_again(name, tmp_path):
     cause = library()[name]
     hypotheses = cause.hypotheses(view)
     if name == "one_soft_mount":
-        from ride_estimation.diagnosis.hypothesis import Hypothesis
+        from ride_estimation.diagnosis.hypotheses.hypothesis import Hypothesis
 
         h, size, shape = Hypothesis(name, "front_left", "z", lambda view, shape: []), 1, {}
     else:

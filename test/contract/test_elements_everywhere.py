@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from diagnosis_runs import quarter_car
 
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.response import respond
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.model.response import respond
 from ride_estimation.elements import terms as kernel
 from ride_estimation.elements.base import Array, ForceElement
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from relations import Relation
 
+from ride_estimation.diagnosis.answer.result import Diagnosis
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.result import Diagnosis
 from ride_estimation.frames import COORDINATES
 from ride_estimation.signals.alignment import align
 from ride_estimation.signals.recording import Channel, Recording, UniformRun

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ride_estimation.cli.main import main
-from ride_estimation.diagnosis.oscillator import diagnose_oscillator
+from ride_estimation.diagnosis.adapters.oscillator import diagnose_oscillator
 from ride_estimation.io.bench_records import read_oscillator_record
 from ride_estimation.io.vehicle_file import load_vehicle
 

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from ride_estimation.diagnosis.result import Calibration
+from ride_estimation.diagnosis.answer.result import Calibration
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification import free_decay, hysteresis_loop, static_tests
 from ride_estimation.reporting.diagnosis_report import stiffness_words

@@ -12,17 +12,7 @@ import pytest
 from diagnosis_runs import GRAVITY, MASS, STIFFNESS, quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis import diagnose as chain
-from ride_estimation.diagnosis.baseline import mean_table
-from ride_estimation.diagnosis.calibration import file_parameters
-from ride_estimation.diagnosis.diagnose import diagnose, form_variance
-from ride_estimation.diagnosis.effect import Effect, Where
-from ride_estimation.diagnosis.free_law import FreeLaw
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.noise import missing_forces
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.port_groups import port_groups
-from ride_estimation.diagnosis.result import (
+from ride_estimation.diagnosis.answer.result import (
     EXPLAINED,
     INSUFFICIENT,
     NO_DISCREPANCY,
@@ -31,11 +21,7 @@ from ride_estimation.diagnosis.result import (
     NamedCause,
     ValidationGain,
 )
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import turned_column
-from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.verdict import (
+from ride_estimation.diagnosis.answer.verdict import (
     describe,
     force_laws,
     gained_nothing,
@@ -44,6 +30,20 @@ from ride_estimation.diagnosis.verdict import (
     right_elsewhere,
     unexplained_run,
 )
+from ride_estimation.diagnosis.calibration.baseline import mean_table
+from ride_estimation.diagnosis.calibration.linear_model import file_parameters
+from ride_estimation.diagnosis.common.effect import Effect, Where
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.diagnose import diagnose, form_variance
+from ride_estimation.diagnosis.hypotheses.port_groups import port_groups
+from ride_estimation.diagnosis.hypotheses.sensor_column import turned_column
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.runs.noise import missing_forces
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
+from ride_estimation.diagnosis.search.free_law import FreeLaw
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.frames import rotation_matrices
 from ride_estimation.io.vehicle_file import load_vehicle

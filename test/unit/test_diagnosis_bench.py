@@ -8,8 +8,8 @@ import pytest
 from worlds.bench import mount_force
 from worlds.hiding import Site, law_of
 
-from ride_estimation.diagnosis.bench import BenchSample, diagnose_bench, driven_band, incoherent_noise
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.adapters.bench import BenchSample, diagnose_bench, driven_band, incoherent_noise
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.errors import InputDataError
 
 RATE = 200.0

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
 
-from ride_estimation.diagnosis import calibration
-from ride_estimation.diagnosis.baseline import Adjustable
-from ride_estimation.diagnosis.body_trajectories import BodyMotion, Trajectories
-from ride_estimation.diagnosis.calibration import calibrate, put_right, rebalanced
-from ride_estimation.diagnosis.gain import noticeable
-from ride_estimation.diagnosis.in_line import loss_without
-from ride_estimation.diagnosis.kinematics import Brackets, transducer_correction
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.answer.gain import noticeable
+from ride_estimation.diagnosis.calibration import linear_model
+from ride_estimation.diagnosis.calibration.baseline import Adjustable
+from ride_estimation.diagnosis.calibration.in_line import loss_without
+from ride_estimation.diagnosis.calibration.linear_model import calibrate, put_right, rebalanced
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.model.body_trajectories import BodyMotion, Trajectories
+from ride_estimation.diagnosis.model.kinematics import Brackets, transducer_correction
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.run_data import RunData
 from ride_estimation.errors import InputDataError
 from ride_estimation.frames import rotation_from_rpy
 from ride_estimation.io.vehicle_file import load_vehicle
@@ -91,9 +91,9 @@ def test_a_rebalanced_plant_is_the_one_of_a_file_with_that_cg_and_inertia():
 )
 def test_cg_and_inertia_enter_a_model_that_misses_much_only_where_they_explain_it(monkeypatch, left, answer):
     steps = iter([SimpleNamespace(number=i, left=value) for i, value in enumerate(left)])
-    monkeypatch.setattr(calibration, "_gauss_newton", lambda *_: next(steps))
-    monkeypatch.setattr(calibration, "_excess", lambda found: found.left)
-    monkeypatch.setattr(calibration, "_at_full_weight", lambda data, start: None)
+    monkeypatch.setattr(linear_model, "_gauss_newton", lambda *_: next(steps))
+    monkeypatch.setattr(linear_model, "_excess", lambda found: found.left)
+    monkeypatch.setattr(linear_model, "_at_full_weight", lambda data, start: None)
     assert calibrate(None).number == answer
     assert next(steps, None) is None
 
@@ -101,10 +101,10 @@ def test_cg_and_inertia_enter_a_model_that_misses_much_only_where_they_explain_i
 def test_a_model_that_explains_the_run_at_full_weight_is_settled_from_there(monkeypatch):
     first, trusted, settled = (SimpleNamespace(left=value) for value in (1.4, 0.04, 0.06))
     started = []
-    monkeypatch.setattr(calibration, "_excess", lambda found: found.left)
-    monkeypatch.setattr(calibration, "_at_full_weight", lambda data, start: trusted if start is first else None)
+    monkeypatch.setattr(linear_model, "_excess", lambda found: found.left)
+    monkeypatch.setattr(linear_model, "_at_full_weight", lambda data, start: trusted if start is first else None)
     take = lambda *given: started.append(given[3:]) or (settled if given[3:] else first)  # noqa: E731
-    monkeypatch.setattr(calibration, "_gauss_newton", take)
+    monkeypatch.setattr(linear_model, "_gauss_newton", take)
     assert calibrate(None) is settled
     assert started == [(), (trusted,)]
 
@@ -121,9 +121,9 @@ def test_steps_at_full_weight_have_to_explain_the_run_with_a_good_installation(m
         "RunView": lambda data, state: None, "build_regression": lambda view, prior: (None, (), regression),
         "Calibrated": lambda *parts: next(made), "_excess": lambda calibrated: calibrated.left,
     }.items():  # fmt: skip
-        monkeypatch.setattr(calibration, name, value)
+        monkeypatch.setattr(linear_model, name, value)
     data = SimpleNamespace(plant=None, settings=None, with_plant=lambda plant: data)
-    answer = calibration._at_full_weight(data, SimpleNamespace(left=1.4, blocks=None))
+    answer = linear_model._at_full_weight(data, SimpleNamespace(left=1.4, blocks=None))
     assert answer is (None if found is None else steps[found])
 
 

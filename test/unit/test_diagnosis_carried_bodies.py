@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from ride_estimation.api.diagnosing import diagnose
 from ride_estimation.api.runs import Run
-from ride_estimation.diagnosis.body_trajectories import BodyMotion, Trajectories
-from ride_estimation.diagnosis.kinematics import Brackets, output_correction, wrench_correction
-from ride_estimation.diagnosis.plant import build_plant, static_forces
-from ride_estimation.diagnosis.result import EXPLAINED, NO_DISCREPANCY
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.answer.result import EXPLAINED, NO_DISCREPANCY
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.model.body_trajectories import BodyMotion, Trajectories
+from ride_estimation.diagnosis.model.kinematics import Brackets, output_correction, wrench_correction
+from ride_estimation.diagnosis.model.plant import build_plant, static_forces
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.elements.registry import element_from_mapping
 from ride_estimation.frames import AXES, COORDINATES

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from test_diagnosis_load import SITTING, runs_of
 
-from ride_estimation.diagnosis.baseline import Adjustable
-from ride_estimation.diagnosis.calibration import rebalanced, with_named_cg
+from ride_estimation.diagnosis.calibration.baseline import Adjustable
+from ride_estimation.diagnosis.calibration.linear_model import rebalanced, with_named_cg
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.model.plant import build_plant
 from ride_estimation.frames import AXES
 
 _MATRICES = ("mass", "gravity_stiffness", "port_map", "out_acceleration", "static_force")

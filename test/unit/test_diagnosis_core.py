@@ -11,36 +11,36 @@ import numpy as np
 import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
 
-from ride_estimation.diagnosis.baseline import Adjustable, baseline_columns, mean_table
-from ride_estimation.diagnosis.calibration import (
+from ride_estimation.diagnosis.answer.result import Gain, ValidationGain
+from ride_estimation.diagnosis.answer.verdict import gained_nothing, reversal_odds, shows_elsewhere, weighed_sizes, within_library
+from ride_estimation.diagnosis.calibration.baseline import Adjustable, baseline_columns, mean_table
+from ride_estimation.diagnosis.calibration.linear_model import (
     Calibrated,
     calibrate,
     file_parameters,
     tolerance_limits,
     with_held_faults,
 )
+from ride_estimation.diagnosis.calibration.regression import Regression, offset_deviance
 from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.common.spectra import make_grid
+from ride_estimation.diagnosis.common.splits import make_splits
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.free_law import NO_LAW, FreeLaw
-from ride_estimation.diagnosis.hypothesis import Fitted, Reported, Sign
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.noise import noise_scale, temper_of
-from ride_estimation.diagnosis.operators import friction_level, loose_friction, relaxed, resonant
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.prediction import bootstrap_interval
-from ride_estimation.diagnosis.regression import Regression, offset_deviance
-from ride_estimation.diagnosis.response import respond
-from ride_estimation.diagnosis.result import Gain, ValidationGain
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.screening import solve_signed
-from ride_estimation.diagnosis.selection import Candidate, beyond_tolerance
-from ride_estimation.diagnosis.sensor_column import fault_std
-from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.spectra import make_grid
-from ride_estimation.diagnosis.splits import make_splits
-from ride_estimation.diagnosis.verdict import gained_nothing, reversal_odds, shows_elsewhere, weighed_sizes, within_library
+from ride_estimation.diagnosis.hypotheses.hypothesis import Fitted, Reported, Sign
+from ride_estimation.diagnosis.hypotheses.operators import friction_level, loose_friction, relaxed, resonant
+from ride_estimation.diagnosis.hypotheses.sensor_column import fault_std
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.model.response import respond
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.runs.noise import noise_scale, temper_of
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
+from ride_estimation.diagnosis.search.free_law import NO_LAW, FreeLaw
+from ride_estimation.diagnosis.search.prediction import bootstrap_interval
+from ride_estimation.diagnosis.search.screening import solve_signed
+from ride_estimation.diagnosis.search.selection import Candidate, beyond_tolerance
 from ride_estimation.frames import rotation_matrices
 from ride_estimation.sensors.installation import USUAL, Installation
 from ride_estimation.signals.recording import UniformRun

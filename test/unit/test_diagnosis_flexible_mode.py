@@ -10,13 +10,13 @@ import pytest
 
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.causes.flexible_mode import _AROUND, _drive_weights, _modal, _resonance, compliant_peaks
-from ride_estimation.diagnosis.hypothesis import Fitted
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.hypotheses.hypothesis import Fitted
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.signals.recording import UniformRun
 

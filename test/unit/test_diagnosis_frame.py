@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
 
-from ride_estimation.diagnosis.calibration import file_parameters
-from ride_estimation.diagnosis.characteristic import Family, odd_form
-from ride_estimation.diagnosis.declipping import missing_readings
-from ride_estimation.diagnosis.frame import local_motion, null_directions, own_sensor, plate_motion, unseen_tilt
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.noise import excess_inefficiency, noise_scale
-from ride_estimation.diagnosis.outlier import soft_mount
-from ride_estimation.diagnosis.plant import Plant, build_plant
-from ride_estimation.diagnosis.prediction import Model as PredictionModel
-from ride_estimation.diagnosis.prediction import block_squares, noise_floor, predict
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.calibration.linear_model import file_parameters
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.hypotheses.characteristic import Family, odd_form
+from ride_estimation.diagnosis.hypotheses.declipping import missing_readings
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import Plant, build_plant
+from ride_estimation.diagnosis.runs.frame import local_motion, null_directions, own_sensor, plate_motion, unseen_tilt
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.runs.noise import excess_inefficiency, noise_scale
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
+from ride_estimation.diagnosis.search.outlier import soft_mount
+from ride_estimation.diagnosis.search.prediction import Model as PredictionModel
+from ride_estimation.diagnosis.search.prediction import block_squares, noise_floor, predict
 from ride_estimation.frames import point_motion_matrix
 from ride_estimation.io.vehicle_file import load_vehicle
 

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
 
-from ride_estimation.diagnosis.calibration import calibrate
+from ride_estimation.diagnosis.calibration.linear_model import calibrate
+from ride_estimation.diagnosis.calibration.regression import Regression
 from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.common.effect import Effect, Where
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.effect import Effect, Where
-from ride_estimation.diagnosis.free_law import free_law
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.regression import Regression
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.search.free_law import free_law
 
 
 def planted(force: float, noise: float) -> tuple[float, str, float]:

@@ -17,24 +17,24 @@ from worlds.cab import measure, simulate
 from worlds.hidden_cab import NOISE, RATE_HZ, SEED, cab_on_roads, reference
 from worlds.vehicle_text import Belief
 
-from ride_estimation.diagnosis.baseline import sensor_error_spectra
-from ride_estimation.diagnosis.body_trajectories import BodyMotion, Trajectories
-from ride_estimation.diagnosis.calibration import calibrate, file_parameters
+from ride_estimation.diagnosis.answer.result import NO_DISCREPANCY
+from ride_estimation.diagnosis.answer.wiring import found_mistakes, named_mistakes, put_right
+from ride_estimation.diagnosis.calibration.baseline import sensor_error_spectra
+from ride_estimation.diagnosis.calibration.gyros import unused_rates, wrong_gyros
+from ride_estimation.diagnosis.calibration.linear_model import calibrate, file_parameters
+from ride_estimation.diagnosis.common.effect import Where
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.effect import Where
-from ride_estimation.diagnosis.gyros import unused_rates, wrong_gyros
-from ride_estimation.diagnosis.kinematics import output_correction
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.noise import gyro_noise_scale
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.prediction import Model, block_squares, predict
-from ride_estimation.diagnosis.result import NO_DISCREPANCY
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import turned_column
-from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.wiring import found_mistakes, named_mistakes, put_right
+from ride_estimation.diagnosis.hypotheses.sensor_column import turned_column
+from ride_estimation.diagnosis.model.body_trajectories import BodyMotion, Trajectories
+from ride_estimation.diagnosis.model.kinematics import output_correction
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.runs.noise import gyro_noise_scale
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
+from ride_estimation.diagnosis.search.prediction import Model, block_squares, predict
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.frames import rotation_from_rpy
 from ride_estimation.sensors.sensor import Sensor

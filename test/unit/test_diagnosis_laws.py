@@ -7,22 +7,22 @@ import numpy as np
 import pytest
 from diagnosis_runs import GRAVITY, MASS, quarter_car, quarter_car_run
 
+from ride_estimation.diagnosis.answer.result import EXPLAINED, Gain, NamedCause, ValidationGain
+from ride_estimation.diagnosis.answer.verdict import describe
 from ride_estimation.diagnosis.causes.bump_stop import BumpStop, _hardening
 from ride_estimation.diagnosis.causes.stiffness_nonlinearity import StiffnessNonlinearity
-from ride_estimation.diagnosis.characteristic import Family, characteristic_forms, straight_beyond
+from ride_estimation.diagnosis.common.extension import parts_of
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.common.spectra import edge_taper, make_grid
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.extension import parts_of
-from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.result import EXPLAINED, Gain, NamedCause, ValidationGain
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.spectra import edge_taper, make_grid
-from ride_estimation.diagnosis.verdict import describe
-from ride_estimation.diagnosis.waveform import _solved
+from ride_estimation.diagnosis.hypotheses.characteristic import Family, characteristic_forms, straight_beyond
+from ride_estimation.diagnosis.hypotheses.hypothesis import Fitted, Hypothesis
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
+from ride_estimation.diagnosis.search.waveform import _solved
 from ride_estimation.elements.curve import CurveSpring
 
 

@@ -11,13 +11,13 @@ from worlds.cab import measure, random_sensors, random_vehicle, simulate
 from worlds.roads import Road, base_motion
 from worlds.vehicle_text import Belief
 
-from ride_estimation.diagnosis import model_run
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs import model_run
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
 
 #: share of the vertical stiffness that puts the roll mode to the lower edge of the band
 SOFTER = 0.22

@@ -13,17 +13,17 @@ from worlds.effects import Reference, plant
 from worlds.roads import Road, base_motion
 from worlds.vehicle_text import Belief
 
-from ride_estimation.diagnosis.baseline import balanced_columns, port_columns
-from ride_estimation.diagnosis.calibration import calibrate, file_parameters
+from ride_estimation.diagnosis.calibration.baseline import balanced_columns, port_columns
+from ride_estimation.diagnosis.calibration.linear_model import calibrate, file_parameters
 from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.common.effect import Where
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.effect import Where
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 
 SECONDS, RATE_HZ, STEP = 30.0, 100.0, 1e-3

@@ -10,12 +10,12 @@ import pytest
 from diagnosis_runs import GRAVITY, hiding_law, quarter_car, quarter_car_run
 from scipy.stats import norm
 
+from ride_estimation.diagnosis.answer.next_run import candidate_runs, decision_probability
+from ride_estimation.diagnosis.answer.result import DECIDES, CandidateRun, NextRun
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.next_run import candidate_runs, decision_probability
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.result import DECIDES, CandidateRun, NextRun
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
 
 PLANNED = Settings(plan_next=True)
 

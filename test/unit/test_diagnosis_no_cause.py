@@ -11,18 +11,18 @@ from diagnosis_runs import quarter_car, quarter_car_run
 from worlds.adapters import product_inputs
 from worlds.scenario import Scenario, make_scenario
 
-from ride_estimation.diagnosis.baseline import Adjustable
-from ride_estimation.diagnosis.calibration import calibrate
+from ride_estimation.diagnosis.answer.gain import judged_in_band
+from ride_estimation.diagnosis.answer.result import NO_DISCREPANCY
+from ride_estimation.diagnosis.calibration.baseline import Adjustable
+from ride_estimation.diagnosis.calibration.installation import installation_remarks
+from ride_estimation.diagnosis.calibration.linear_model import calibrate
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.common.splits import make_splits
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.gain import judged_in_band
-from ride_estimation.diagnosis.installation import installation_remarks
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.noise import gross_power
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.result import NO_DISCREPANCY
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.splits import make_splits
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.noise import gross_power
+from ride_estimation.diagnosis.runs.run_data import RunData
 from ride_estimation.signals.recording import UniformRun
 
 

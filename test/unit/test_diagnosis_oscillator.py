@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ride_estimation.cli.main import main
-from ride_estimation.diagnosis.oscillator import diagnose_oscillator
+from ride_estimation.diagnosis.adapters.oscillator import diagnose_oscillator
 from ride_estimation.errors import InputDataError
 from ride_estimation.identification.bench.oscillator import OscillatorRecord
 

@@ -16,7 +16,7 @@ from worlds.quarter_car import road_height
 from worlds.roads import Road
 
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.plant import build_plant
+from ride_estimation.diagnosis.model.plant import build_plant
 from ride_estimation.errors import InputDataError
 from ride_estimation.signals.recording import UniformRun
 

@@ -10,7 +10,7 @@ import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.plant import build_plant
+from ride_estimation.diagnosis.model.plant import build_plant
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 
 

@@ -24,10 +24,10 @@ from diagnosis_runs import (
 from worlds.hiding import law_of
 
 from ride_estimation.diagnosis import diagnose as module
+from ride_estimation.diagnosis.answer.result import Stability
+from ride_estimation.diagnosis.common.extension import parts_of
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.extension import parts_of
-from ride_estimation.diagnosis.result import Stability
-from ride_estimation.diagnosis.settings import Settings
 
 #: cause, form and size of a law that leaves 2 to 5 % to the linear model
 LAWS = [

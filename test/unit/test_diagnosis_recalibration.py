@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from diagnosis_runs import GRAVITY, hiding_law, quarter_car, quarter_car_run
 
-from ride_estimation.diagnosis.baseline import faulty_rows, sensor_error_spectra
-from ride_estimation.diagnosis.calibration import calibrate, file_parameters, seen_from, with_held_faults
+from ride_estimation.diagnosis.calibration.baseline import faulty_rows, sensor_error_spectra
+from ride_estimation.diagnosis.calibration.linear_model import calibrate, file_parameters, seen_from, with_held_faults
 from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.fitting import FullFitter
-from ride_estimation.diagnosis.hypothesis import Hypothesis
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.screening import Score
-from ride_estimation.diagnosis.selection import Selector
-from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.splits import make_splits
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.common.splits import make_splits
+from ride_estimation.diagnosis.hypotheses.hypothesis import Hypothesis
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
+from ride_estimation.diagnosis.search.fitting import FullFitter
+from ride_estimation.diagnosis.search.screening import Score
+from ride_estimation.diagnosis.search.selection import Selector
 
 
 def misread(sensor: str, factor: float, trimmed: bool = True):

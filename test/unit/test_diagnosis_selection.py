@@ -12,17 +12,17 @@ import pytest
 from diagnosis_runs import DAMPING, GRAVITY, MASS, STIFFNESS, hiding_law, quarter_car, quarter_car_run
 from scipy.special import ndtr
 
-from ride_estimation.diagnosis.candidates import shortlist
+from ride_estimation.diagnosis.answer.verdict import reversal_odds
+from ride_estimation.diagnosis.common.effect import Effect, Shape, Where
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.effect import Effect, Shape, Where
-from ride_estimation.diagnosis.fitting import with_effects
-from ride_estimation.diagnosis.hypothesis import Hypothesis
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.screening import Score
-from ride_estimation.diagnosis.selection import Candidate, Selector, required_evidence
-from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.shape_search import searched_shape
-from ride_estimation.diagnosis.verdict import reversal_odds
+from ride_estimation.diagnosis.hypotheses.hypothesis import Hypothesis
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.search.candidates import shortlist
+from ride_estimation.diagnosis.search.fitting import with_effects
+from ride_estimation.diagnosis.search.screening import Score
+from ride_estimation.diagnosis.search.selection import Candidate, Selector, required_evidence
+from ride_estimation.diagnosis.search.shape_search import searched_shape
 from ride_estimation.signals.recording import UniformRun
 
 STEP = 1.0 / 1600.0  # of the integration in diagnosis_runs

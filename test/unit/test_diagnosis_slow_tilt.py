@@ -10,13 +10,13 @@ from worlds.cab import CabRun, drive, measure, random_sensors, random_vehicle
 from worlds.roads import Road
 from worlds.vehicle_text import Belief
 
-from ride_estimation.diagnosis.effect import Effect, Where
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.model_run import ModelRun, ModelState
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.common.effect import Effect, Where
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.model_run import ModelRun, ModelState
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
 
 BRAKES = (("brake", 4.0, 3.0, -2.0), ("brake", 8.0, 3.0, 2.0), ("brake", 13.0, 3.0, -2.0), ("brake", 17.0, 3.0, 2.0))
 SLOPES = (("slope", 5.0, 4.0, 0.06), ("slope", 14.0, 4.0, -0.06))

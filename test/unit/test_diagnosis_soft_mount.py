@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.outlier import soft_mount
-from ride_estimation.diagnosis.plant import Port
+from ride_estimation.diagnosis.model.plant import Port
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.search.outlier import soft_mount
 
 MOUNTS, AXES = ("fl", "fr", "rl", "rr"), "xyz"
 FILE = np.array([3e5, 3e5, 4e4] * 4)

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
 
+from ride_estimation.diagnosis.calibration.regression import Regression
+from ride_estimation.diagnosis.common.effect import Effect, Where
+from ride_estimation.diagnosis.common.parallel import in_order
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.common.spectra import make_grid
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.effect import Effect, Where
-from ride_estimation.diagnosis.injection import Injector
-from ride_estimation.diagnosis.parallel import in_order
-from ride_estimation.diagnosis.regression import Regression
-from ride_estimation.diagnosis.screening import Projector
-from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.spectra import make_grid
+from ride_estimation.diagnosis.runs.injection import Injector
+from ride_estimation.diagnosis.search.screening import Projector
 
 N, NY = 600, 3
 

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from diagnosis_runs import hiding_law, quarter_car, quarter_car_run
 
-from ride_estimation.diagnosis import stability as module
+from ride_estimation.diagnosis.answer import stability as module
+from ride_estimation.diagnosis.answer.result import PerturbedCopy, Stability
+from ride_estimation.diagnosis.answer.stability import PerturbedRun, overlap, rebuilt, spare_sensor
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.hypothesis import Fitted, Hypothesis
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.result import PerturbedCopy, Stability
-from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.stability import PerturbedRun, overlap, rebuilt, spare_sensor
+from ride_estimation.diagnosis.hypotheses.hypothesis import Fitted, Hypothesis
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
 from ride_estimation.sensors.sensor import Sensor
 
 ASKED = Settings(stability=True)

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from ride_estimation.diagnosis.adapters.travel import diagnose_travel, needs_travel
+from ride_estimation.diagnosis.answer.result import EXPLAINED, INSUFFICIENT, NO_DISCREPANCY
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.result import EXPLAINED, INSUFFICIENT, NO_DISCREPANCY
-from ride_estimation.diagnosis.travel import diagnose_travel, needs_travel
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.frames import rotation_from_rpy
 from ride_estimation.sensors.sensor import Sensor

@@ -10,14 +10,14 @@ import pytest
 from diagnosis_runs import hiding_law, quarter_car, quarter_car_run
 from scipy.stats import norm
 
-from ride_estimation.diagnosis import validation_evidence
+from ride_estimation.diagnosis.answer import validation_evidence
+from ride_estimation.diagnosis.answer.verdict import reversal_odds
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.common.splits import make_splits
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.hypothesis import FORM
-from ride_estimation.diagnosis.selection import Candidate, Elsewhere, Round, Selection
-from ride_estimation.diagnosis.settings import Settings
-from ride_estimation.diagnosis.splits import make_splits
-from ride_estimation.diagnosis.verdict import reversal_odds
-from ride_estimation.diagnosis.work import Work
+from ride_estimation.diagnosis.hypotheses.hypothesis import FORM
+from ride_estimation.diagnosis.search.selection import Candidate, Elsewhere, Round, Selection
+from ride_estimation.diagnosis.search.work import Work
 
 NOISE = 0.02
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from test_diagnosis_load import SITTING, runs_of
 
+from ride_estimation.diagnosis.answer.wiring import found_mistakes, named_mistakes, put_right, without_mistakes
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.wiring import found_mistakes, named_mistakes, put_right, without_mistakes
 from ride_estimation.signals.corrected_run import corrected_run
 from ride_estimation.signals.recording import UniformRun
 

@@ -13,10 +13,10 @@ import pytest
 from worlds.adapters import believed_vehicle, uniform_run
 from worlds.hidden_cab import HIDDEN, SEED, Hidden, cab_on_roads, driven, effect_of
 
+from ride_estimation.diagnosis.answer.result import EXPLAINED, Diagnosis
 from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.result import EXPLAINED, Diagnosis
-from ride_estimation.diagnosis.settings import Settings
 from ride_estimation.signals.recording import UniformRun
 from ride_estimation.vehicles.vehicle import Vehicle
 

@@ -16,17 +16,17 @@ from scipy.optimize import minimize
 from worlds.bench import mount_force, random_motion
 from worlds.hiding import FORMS, Site, law_of
 
-from ride_estimation.diagnosis.bench import bench_run, bench_vehicle
+from ride_estimation.diagnosis.adapters.bench import bench_run, bench_vehicle
 from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.characteristic import Family, odd_form
-from ride_estimation.diagnosis.effect import Where
-from ride_estimation.diagnosis.hypothesis import Hypothesis
-from ride_estimation.diagnosis.measurement import measurement
-from ride_estimation.diagnosis.model_run import ModelState
-from ride_estimation.diagnosis.plant import build_plant
-from ride_estimation.diagnosis.run_data import RunData
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.settings import Settings
+from ride_estimation.diagnosis.common.effect import Where
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.hypotheses.characteristic import Family, odd_form
+from ride_estimation.diagnosis.hypotheses.hypothesis import Hypothesis
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 
 RATE, STIFFNESS, DAMPING, RMS = 250.0, 1e5, 1e3, 0.004

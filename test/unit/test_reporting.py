@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 from scipy import signal
 
 from ride_estimation.assessment.run_assessment import RunAssessment, assess_run
-from ride_estimation.diagnosis.hypothesis import Reported
-from ride_estimation.diagnosis.result import Calibration, Diagnosis, Evidence, NamedCause
+from ride_estimation.diagnosis.answer.result import Calibration, Diagnosis, Evidence, NamedCause
+from ride_estimation.diagnosis.hypotheses.hypothesis import Reported
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.estimation.offline import OfflineRun

@@ -16,7 +16,7 @@ from worlds.roads import Road
 from worlds.vehicle_text import vehicle_yaml
 
 from ride_estimation.assessment.standstill import calibrate
-from ride_estimation.diagnosis.plant import build_plant
+from ride_estimation.diagnosis.model.plant import build_plant
 from ride_estimation.errors import ConfigurationError, InputDataError
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ride_estimation.diagnosis.plant import gravity_stiffness_of, static_forces
+from ride_estimation.diagnosis.model.plant import gravity_stiffness_of, static_forces
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.io.vehicle_file import load_vehicle

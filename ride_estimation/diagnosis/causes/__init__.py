@@ -8,7 +8,7 @@ import importlib
 import inspect
 import pkgutil
 
-from ride_estimation.diagnosis.hypothesis import Cause
+from ride_estimation.diagnosis.hypotheses.hypothesis import Cause
 
 
 @functools.cache

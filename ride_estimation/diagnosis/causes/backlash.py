@@ -9,12 +9,12 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.effect import Column, Shape
-from ride_estimation.diagnosis.extension import add_force_table
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
-from ride_estimation.diagnosis.operators import loose_share
-from ride_estimation.diagnosis.port_groups import PortGroup, force_columns, group_of, port_groups
-from ride_estimation.diagnosis.run_view import RunView
+from ride_estimation.diagnosis.common.effect import Column, Shape
+from ride_estimation.diagnosis.common.extension import add_force_table
+from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
+from ride_estimation.diagnosis.hypotheses.operators import loose_share
+from ride_estimation.diagnosis.hypotheses.port_groups import PortGroup, force_columns, group_of, port_groups
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]

@@ -9,11 +9,11 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.body_wrench import cg_column
-from ride_estimation.diagnosis.effect import Column
-from ride_estimation.diagnosis.extension import move_cg
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.run_view import RunView
+from ride_estimation.diagnosis.common.effect import Column
+from ride_estimation.diagnosis.common.extension import move_cg
+from ride_estimation.diagnosis.hypotheses.body_wrench import cg_column
+from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import Vehicle
 

@@ -9,11 +9,11 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.characteristic import Family, characteristic_forms, characteristic_hypotheses
-from ride_estimation.diagnosis.extension import add_damper_curve
-from ride_estimation.diagnosis.hypothesis import FORM, Cause, Fitted, Hypothesis, Law, Reported
-from ride_estimation.diagnosis.port_groups import group_of
-from ride_estimation.diagnosis.run_view import RunView
+from ride_estimation.diagnosis.common.extension import add_damper_curve
+from ride_estimation.diagnosis.hypotheses.characteristic import Family, characteristic_forms, characteristic_hypotheses
+from ride_estimation.diagnosis.hypotheses.hypothesis import FORM, Cause, Fitted, Hypothesis, Law, Reported
+from ride_estimation.diagnosis.hypotheses.port_groups import group_of
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]

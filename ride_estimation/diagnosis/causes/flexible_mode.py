@@ -10,10 +10,10 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
-from ride_estimation.diagnosis.hypothesis import FORM, Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.noise import smoothed_power
-from ride_estimation.diagnosis.run_view import RunView
+from ride_estimation.diagnosis.common.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.hypotheses.hypothesis import FORM, Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.runs.noise import smoothed_power
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]

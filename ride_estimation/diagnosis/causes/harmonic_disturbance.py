@@ -8,10 +8,10 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.effect import Column, Effect, Where
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.lines import mean_frequency, residual_lines, tracked_phase
-from ride_estimation.diagnosis.run_view import RunView
+from ride_estimation.diagnosis.common.effect import Column, Effect, Where
+from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.hypotheses.lines import mean_frequency, residual_lines, tracked_phase
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.frames import COORDINATES
 from ride_estimation.vehicles.vehicle import Vehicle
 

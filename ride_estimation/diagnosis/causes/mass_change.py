@@ -11,19 +11,19 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.baseline import (
+from ride_estimation.diagnosis.calibration.baseline import (
     balanced_acceleration,
     mean_table,
     sensor_error_spectra,
     static_means,
     static_shift,
 )
-from ride_estimation.diagnosis.body_wrench import six_of, wrench_column
-from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.operators import step_window
-from ride_estimation.diagnosis.plant import gravity_stiffness_of, static_forces
-from ride_estimation.diagnosis.run_view import RunView
+from ride_estimation.diagnosis.common.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.hypotheses.body_wrench import six_of, wrench_column
+from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.hypotheses.operators import step_window
+from ride_estimation.diagnosis.model.plant import gravity_stiffness_of, static_forces
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.vehicles.vehicle import Vehicle
 

@@ -9,12 +9,12 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.baseline import body_spectra
-from ride_estimation.diagnosis.body_wrench import wrench_column
-from ride_estimation.diagnosis.effect import Column, Shape
-from ride_estimation.diagnosis.hypothesis import FORM, Cause, Fitted, Hypothesis, Reported, Shapes, Sign
-from ride_estimation.diagnosis.operators import resonant
-from ride_estimation.diagnosis.run_view import RunView
+from ride_estimation.diagnosis.calibration.baseline import body_spectra
+from ride_estimation.diagnosis.common.effect import Column, Shape
+from ride_estimation.diagnosis.hypotheses.body_wrench import wrench_column
+from ride_estimation.diagnosis.hypotheses.hypothesis import FORM, Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.hypotheses.operators import resonant
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.frames import AXES, COORDINATES
 from ride_estimation.vehicles.vehicle import Body, Mount, Prior, Vehicle

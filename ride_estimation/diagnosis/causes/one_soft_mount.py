@@ -8,8 +8,8 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported
-from ride_estimation.diagnosis.run_view import RunView
+from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 

@@ -9,12 +9,12 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.effect import Column, Effect, Where
-from ride_estimation.diagnosis.extension import linear_part, with_linear_part
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.operators import legendre
-from ride_estimation.diagnosis.port_groups import PortGroup, group_of, port_groups
-from ride_estimation.diagnosis.run_view import RunView
+from ride_estimation.diagnosis.common.effect import Column, Effect, Where
+from ride_estimation.diagnosis.common.extension import linear_part, with_linear_part
+from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.hypotheses.operators import legendre
+from ride_estimation.diagnosis.hypotheses.port_groups import PortGroup, group_of, port_groups
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]

@@ -8,12 +8,12 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.baseline import mean_table
-from ride_estimation.diagnosis.effect import Column, Effect, Where
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import axis_name, is_accelerometer
-from ride_estimation.diagnosis.sensor_extension import offset_sensor
+from ride_estimation.diagnosis.calibration.baseline import mean_table
+from ride_estimation.diagnosis.common.effect import Column, Effect, Where
+from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.hypotheses.sensor_column import axis_name, is_accelerometer
+from ride_estimation.diagnosis.hypotheses.sensor_extension import offset_sensor
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import Vehicle
 

@@ -9,12 +9,12 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.declipping import missing_readings
-from ride_estimation.diagnosis.effect import Column, Effect, Where
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import axis_name
-from ride_estimation.diagnosis.sensor_extension import limit_sensor
+from ride_estimation.diagnosis.common.effect import Column, Effect, Where
+from ride_estimation.diagnosis.hypotheses.declipping import missing_readings
+from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes, Sign
+from ride_estimation.diagnosis.hypotheses.sensor_column import axis_name
+from ride_estimation.diagnosis.hypotheses.sensor_extension import limit_sensor
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]

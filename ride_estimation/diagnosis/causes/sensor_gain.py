@@ -9,13 +9,20 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.baseline import MeanTable, mean_table, sensor_error_means
-from ride_estimation.diagnosis.effect import Column, Where
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.plant import CHANNELS
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import axis_name, fault_std, is_accelerometer, is_input, sensor_axes, sensor_column
-from ride_estimation.diagnosis.sensor_extension import scale_sensor
+from ride_estimation.diagnosis.calibration.baseline import MeanTable, mean_table, sensor_error_means
+from ride_estimation.diagnosis.common.effect import Column, Where
+from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.hypotheses.sensor_column import (
+    axis_name,
+    fault_std,
+    is_accelerometer,
+    is_input,
+    sensor_axes,
+    sensor_column,
+)
+from ride_estimation.diagnosis.hypotheses.sensor_extension import scale_sensor
+from ride_estimation.diagnosis.model.plant import CHANNELS
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.frames import AXES
 from ride_estimation.vehicles.vehicle import Vehicle
 

@@ -9,12 +9,12 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.baseline import mean_table, sensor_error_means
-from ride_estimation.diagnosis.effect import Column, Shape
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import axis_name, fault_std, is_accelerometer, sensor_axes, turned_column
-from ride_estimation.diagnosis.sensor_extension import turn_sensor
+from ride_estimation.diagnosis.calibration.baseline import mean_table, sensor_error_means
+from ride_estimation.diagnosis.common.effect import Column, Shape
+from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.hypotheses.sensor_column import axis_name, fault_std, is_accelerometer, sensor_axes, turned_column
+from ride_estimation.diagnosis.hypotheses.sensor_extension import turn_sensor
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.frames import AXES, rotation_matrices
 from ride_estimation.vehicles.vehicle import Vehicle
 

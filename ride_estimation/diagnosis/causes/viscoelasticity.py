@@ -8,12 +8,12 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.effect import Column, Effect, Shape, Where
-from ride_estimation.diagnosis.extension import add_parallel
-from ride_estimation.diagnosis.hypothesis import FORM, Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
-from ride_estimation.diagnosis.operators import relaxed
-from ride_estimation.diagnosis.port_groups import PortGroup, group_of, port_groups
-from ride_estimation.diagnosis.run_view import RunView
+from ride_estimation.diagnosis.common.effect import Column, Effect, Shape, Where
+from ride_estimation.diagnosis.common.extension import add_parallel
+from ride_estimation.diagnosis.hypotheses.hypothesis import FORM, Cause, Fitted, Hypothesis, Law, Reported, Shapes, Sign
+from ride_estimation.diagnosis.hypotheses.operators import relaxed
+from ride_estimation.diagnosis.hypotheses.port_groups import PortGroup, group_of, port_groups
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 _RATIO = 5.0  # corner of the second cell over the first

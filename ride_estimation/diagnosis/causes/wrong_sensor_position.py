@@ -8,11 +8,11 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.effect import Column
-from ride_estimation.diagnosis.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
-from ride_estimation.diagnosis.run_view import RunView
-from ride_estimation.diagnosis.sensor_column import axis_name, fault_std, is_accelerometer, is_input, sensor_column
-from ride_estimation.diagnosis.sensor_extension import move_sensor
+from ride_estimation.diagnosis.common.effect import Column
+from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
+from ride_estimation.diagnosis.hypotheses.sensor_column import axis_name, fault_std, is_accelerometer, is_input, sensor_column
+from ride_estimation.diagnosis.hypotheses.sensor_extension import move_sensor
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.vehicles.vehicle import Vehicle
 
 
