@@ -16,6 +16,7 @@ from ride_estimation.sensors.layout import check_layout
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.assembly import assemble
 from ride_estimation.vehicles.modes import linearise, undamped_modes, unheld_motions
+from ride_estimation.vehicles.prior import INERTIA_STD
 from ride_estimation.vehicles.vehicle import Body, ForceReference, Vehicle
 
 _TRANSDUCER_NOISE = 2e-5  # m, a potentiometric or draw-wire transducer of 100 mm range
@@ -23,7 +24,6 @@ _LOAD_CELL_NOISE = 20.0  # N, 0.1 % of a 20 kN load cell
 _ACCELEROMETER_NOISE = 0.02  # m/s^2
 _GYRO_NOISE = 0.002  # rad/s
 _WEIGHED = 0.01  # relative standard deviation of a mass on a truck scale
-_INERTIA = 0.1  # of an inertia known from CAD where the vehicle file states none
 _ADDED_SHARE = 0.1  # added mass of the proposed second run over the mass of the body
 #: relative standard deviation of a reference that states none; air springs carry their share of the weight within 3 %
 _REFERENCE_STD = {"known_stiffness": 0.02, "load_cell": 0.01, "air_spring_pressure": 0.042}
@@ -120,7 +120,7 @@ def known_parameters(vehicle: Vehicle) -> dict[str, float]:
 
 def _weighed(body: Body, stated: float = 0.0) -> dict[str, float]:
     own = stated or (body.mass.std or 0.0) / body.mass.value or _WEIGHED
-    return {f"{body.name}.mass": own, f"{body.name}.inertia": body.inertia_relative_std or _INERTIA}
+    return {f"{body.name}.mass": own, f"{body.name}.inertia": body.inertia_relative_std or INERTIA_STD}
 
 
 def plan(vehicle: Vehicle, excitation: Excitation, known: Mapping[str, float] | Sequence[str] | None = None) -> SensorPlan:

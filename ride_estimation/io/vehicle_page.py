@@ -23,6 +23,7 @@ from ride_estimation.io.vehicle_file import vehicle_from_mapping
 from ride_estimation.resources import shared_path
 from ride_estimation.sensors.sensor import SENSOR_KINDS
 from ride_estimation.units import split_suffix, suffixes_of
+from ride_estimation.vehicles.prior import CG_STD, INERTIA_STD
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "vehicle_file.md"
 HEAD = """\
@@ -94,7 +95,9 @@ def groups(
     priors = (
         "A quantity is a number or a mapping with these keys, one of `std` and `relative_std`: the prior of a parameter. Where\n"
         f"a stiffness states none, the standard deviation of its logarithm is {settings.prior_stiffness_std:g}, of a damping\n"
-        f"{settings.prior_damping_std:g} (parameters `prior_stiffness_std`, `prior_damping_std` of the node)."
+        f"{settings.prior_damping_std:g} (parameters `prior_stiffness_std`, `prior_damping_std` of the node). A\n"
+        f"replay's model of the whole run and `diagnose` take a CG without `std` as known to {1e3 * CG_STD:g} mm along each axis, moments\n"
+        f"of inertia without `relative_std` to {100 * INERTIA_STD:g} %; the node takes both as exact."
     )
     found = [
         ("## The file", "Keys of the outermost mapping.", _of(fields, "")),

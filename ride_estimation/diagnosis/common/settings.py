@@ -9,6 +9,7 @@ import numpy as np
 
 from ride_estimation.sensors.installation import USUAL, Installation
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.vehicles.prior import CG_STD, DAMPING_LOG_STD, INERTIA_STD, STIFFNESS_LOG_STD
 from ride_estimation.vehicles.vehicle import Body
 
 
@@ -17,8 +18,8 @@ class Tolerances:
     """One-sigma tolerances of a good installation; what stays within them is calibration, not a cause.
 
     Every tolerance is a sensitivity column of the calibrated model with this prior standard deviation. Those of sensors are
-    :data:`ride_estimation.sensors.installation.USUAL`; inertia is that of a CAD model or a swing test. An installation that is
-    worse is found as a cause; who knows it beforehand states it as ``installation`` of the sensor in the vehicle file.
+    :data:`ride_estimation.sensors.installation.USUAL`, those of the vehicle :mod:`ride_estimation.vehicles.prior`. An installation
+    that is worse is found as a cause; who knows it beforehand states it as ``installation`` of the sensor in the vehicle file.
 
     Attributes
     ----------
@@ -54,10 +55,10 @@ class Tolerances:
     bandwidth: float = 0.15
     bias: float = USUAL.bias
     travel_zero: float = USUAL.travel_zero
-    cg: float = 0.01
-    inertia: float = 0.05
-    stiffness: float = 0.5
-    damping: float = 0.7
+    cg: float = CG_STD
+    inertia: float = INERTIA_STD
+    stiffness: float = STIFFNESS_LOG_STD
+    damping: float = DAMPING_LOG_STD
 
     def of(self, sensor: Sensor) -> Installation:
         """Return the standard deviations of the errors of one sensor, larger ones where its file states such.

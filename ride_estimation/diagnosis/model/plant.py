@@ -20,6 +20,7 @@ from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix, skew
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.assembly import gravity_terms
 from ride_estimation.vehicles.guided import Coordinates, body_rows, mass_matrix, point_rows
+from ride_estimation.vehicles.prior import DAMPING_LOG_STD, STIFFNESS_LOG_STD, log_std
 from ride_estimation.vehicles.vehicle import Mount, Vehicle
 
 Array = NDArray[np.float64]
@@ -275,15 +276,10 @@ def free_bodies(vehicle: Vehicle, sensors: Collection[str]) -> tuple[str, ...]:
 def _port(mount: Mount, axis: str, default_k: float, default_c: float) -> Port:
     stiffness, damping = linear_part(mount.elements[axis])
 
-    def log_std(name: str, value: float, default: float) -> float:
-        prior = mount.priors.get((axis, name))
-        if prior is None or not prior.std or value <= 0.0:
-            return default
-        return float(np.log1p(prior.std / value))
-
     return Port(
         mount.name, axis, stiffness, damping,
-        log_std("stiffness", stiffness, default_k), log_std("damping", damping, default_c),
+        log_std(mount.priors.get((axis, "stiffness")), stiffness, default_k),
+        log_std(mount.priors.get((axis, "damping")), damping, default_c),
     )
 
 
@@ -397,8 +393,9 @@ def gravity_stiffness_of(
 
 
 def build_plant(
-    vehicle: Vehicle, channels: Mapping[str, int], default_k_std: float = 0.5, default_c_std: float = 0.7
-) -> Plant:
+    vehicle: Vehicle, channels: Mapping[str, int], default_k_std: float = STIFFNESS_LOG_STD,
+    default_c_std: float = DAMPING_LOG_STD,
+) -> Plant:  # fmt: skip
     """Build the testable plant from a vehicle and the sensors that spoke.
 
     Parameters

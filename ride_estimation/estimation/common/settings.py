@@ -7,6 +7,7 @@ import dataclasses
 import math
 
 from ride_estimation.errors import ConfigurationError
+from ride_estimation.vehicles.prior import DAMPING_LOG_STD, STIFFNESS_LOG_STD
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,8 +56,8 @@ class PipelineSettings:
     parameter_memory: float = 30.0
     noise_scale: float = 1.0
     excitation_accel: float = 0.05
-    prior_stiffness_std: float = 0.3
-    prior_damping_std: float = 0.5
+    prior_stiffness_std: float = STIFFNESS_LOG_STD
+    prior_damping_std: float = DAMPING_LOG_STD
     largest_ratio: float = 5.0
     largest_step: float = 0.2
     estimate_parameters: bool = True

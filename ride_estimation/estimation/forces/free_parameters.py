@@ -12,6 +12,7 @@ from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.common.settings import PipelineSettings
 from ride_estimation.estimation.forces.mount_law import ROLES
 from ride_estimation.frames import AXES
+from ride_estimation.vehicles.prior import log_std
 from ride_estimation.vehicles.vehicle import Mount, Prior
 
 
@@ -64,9 +65,8 @@ def _free_parameter(
     name = declared[0].name
     value = abs(float(getattr(element, name)))
     prior = mount.priors.get((AXES[a], name), Prior(value))
-    default = settings.prior_stiffness_std if role == 0 else settings.prior_damping_std
-    relative = prior.std / value if prior.std else default
+    usual = settings.prior_stiffness_std if role == 0 else settings.prior_damping_std
     ratio = settings.largest_ratio
     lower = max(prior.lower / value, 1.0 / ratio) if prior.lower > 0.0 else 1.0 / ratio
     upper = min(max(prior.upper / value, 1.0), ratio)
-    return FreeParameter(role, i, a, math.sqrt(math.log1p(relative**2)), math.log(min(lower, 1.0)), math.log(upper))
+    return FreeParameter(role, i, a, log_std(prior, value, usual), math.log(min(lower, 1.0)), math.log(upper))

@@ -19,6 +19,7 @@ from ride_estimation.estimation.model.load import Load, static_with_load
 from ride_estimation.estimation.model.states import FastStates, SlowStates, reading_width, slow_states
 from ride_estimation.frames import AXES, point_motion_matrix
 from ride_estimation.sensors.sensor import Sensor
+from ride_estimation.vehicles.prior import CG_STD, DAMPING_LOG_STD, INERTIA_STD, STIFFNESS_LOG_STD, log_std
 from ride_estimation.vehicles.tangent import tangent
 from ride_estimation.vehicles.vehicle import Mount, Vehicle
 
@@ -30,10 +31,6 @@ _SHARES_STD = np.array([0.6, 0.15, 0.6, 0.15])
 _LEAST_SENSORS = 3
 #: length of a projected unit vector below which it depends on those before
 _DEPENDENT = 1e-6
-#: standard deviation of ln k and ln c where the vehicle file states none
-_STIFFNESS_STD, _DAMPING_STD = 0.5, 0.7
-#: standard deviation of the CG [m] and of the inertia where the vehicle file states none
-_CG_STD, _INERTIA_STD = 0.01, 0.05
 #: rows and columns of the products of inertia
 _PRODUCTS = np.triu_indices(3, 1)
 #: standard deviation of the mean specific force beyond gravity [m/s^2]: a slope of two degrees; upright what rolling and pitching
@@ -166,8 +163,8 @@ class Plant:
         k, c = (np.array(p).T for p in pairs.values())
         known = any(r.kind == "known_mass" and r.body == body.name for r in a.vehicle.force_references)
         mass_std = 0.0 if known else self.mass_std
-        cg_std = np.full(3, _CG_STD) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
-        spread = _INERTIA_STD if body.inertia_relative_std is None else body.inertia_relative_std
+        cg_std = np.full(3, CG_STD) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
+        spread = INERTIA_STD if body.inertia_relative_std is None else body.inertia_relative_std
         return slow_states(
             [
                 (np.log(k[0]), k[1]), (np.log(c[0]), c[1]), (USUAL_SHARES, _SHARES_STD),
@@ -344,10 +341,9 @@ def _patterns(projector: Array) -> Array:
 def _law(mount: Mount, axis: str) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return (value, std of its logarithm) of stiffness and damping of one axis: the law linearised at rest."""
     found = []
-    for name, value, usual in zip(("stiffness", "damping"), tangent(mount.elements[axis]), (_STIFFNESS_STD, _DAMPING_STD)):
+    for name, value, usual in zip(("stiffness", "damping"), tangent(mount.elements[axis]), (STIFFNESS_LOG_STD, DAMPING_LOG_STD)):
         prior = mount.priors.get((axis, name))
-        std = usual if prior is None or prior.std is None else float(np.sqrt(np.log1p((prior.std / prior.value) ** 2)))
-        found.append((max(value, 1e-3), std))
+        found.append((max(value, 1e-3), log_std(prior, value if prior is None else prior.value, usual)))
     return found[0], found[1]
 
 
