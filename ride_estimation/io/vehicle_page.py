@@ -95,9 +95,10 @@ def groups(
     priors = (
         "A quantity is a number or a mapping with these keys, one of `std` and `relative_std`: the prior of a parameter. Where\n"
         f"a stiffness states none, the standard deviation of its logarithm is {settings.prior_stiffness_std:g}, of a damping\n"
-        f"{settings.prior_damping_std:g} (parameters `prior_stiffness_std`, `prior_damping_std` of the node). A\n"
-        f"replay's model of the whole run and `diagnose` take a CG without `std` as known to {1e3 * CG_STD:g} mm along each axis, moments\n"
-        f"of inertia without `relative_std` to {100 * INERTIA_STD:g} %; the node takes both as exact."
+        f"{settings.prior_damping_std:g} (parameters `prior_stiffness_std`, `prior_damping_std` of the node).\n"
+        "A replay's model of the whole run and `diagnose` take a CG without `std` as known to "
+        f"{1e3 * CG_STD:g} mm along each axis,\n"
+        f"moments of inertia without `relative_std` to {100 * INERTIA_STD:g} %; the node takes both as exact."
     )
     found = [
         ("## The file", "Keys of the outermost mapping.", _of(fields, "")),
