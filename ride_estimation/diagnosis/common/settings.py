@@ -19,7 +19,8 @@ class Tolerances:
 
     Every tolerance is a sensitivity column of the calibrated model with this prior standard deviation. Those of sensors are
     :data:`ride_estimation.sensors.installation.USUAL`, those of the vehicle :mod:`ride_estimation.vehicles.prior`. An
-    installation that is worse is found as a cause; who knows it beforehand states it as ``installation`` of the sensor in the vehicle file.
+    installation that is worse is found as a cause; who knows it beforehand states it as ``installation`` of the sensor in the
+    vehicle file.
 
     Attributes
     ----------
