@@ -22,7 +22,6 @@ _FORMS = (
     (Family.SQUARE, 1.0), (Family.SATURATING, 0.4), (Family.SATURATING, 0.8), (Family.SATURATING, 2.0), (Family.BULGE, 0.5),
     (Family.BULGE, 1.0), (Family.POWER, 0.45), (Family.POWER, 0.7), (Family.KNEE, 1.5),
 )  # fmt: skip
-_COLUMNS = 3
 
 
 @final
@@ -48,28 +47,27 @@ class DampingNonlinearity(Cause):
         for i, p in enumerate(group.ports):
             v_rms = view.scales[p][1]
             label = group.label(view, p)
-            part = slice(_COLUMNS * i, _COLUMNS * (i + 1))
-            cov = fitted.covariance[part, part]
             for name, u in (("extension 0.5 rms", 0.5), ("extension 2 rms", 2.0), ("compression 2 rms", -2.0)):
                 weights = np.array([form.item() for form in characteristic_forms(np.array([u]), fitted.shape, over_rate=True)])
+                part = slice(len(weights) * i, len(weights) * (i + 1))
                 force = float(view.state.damping[p] * u * v_rms + weights @ fitted.coefficients[part])
-                std = float(np.sqrt(max(weights @ cov @ weights, 0.0) + FORM * force**2))
+                std = float(np.sqrt(max(weights @ fitted.covariance[part, part] @ weights, 0.0) + FORM * force**2))
                 out.append(Reported(f"damping force at {name} rate{label}", force, std, "N"))
             out.append(Reported(f"rms rate{label}", v_rms, 0.0, "m/s"))
         return tuple(out)
 
     def extend(self, vehicle: Vehicle, view: RunView, fitted: Fitted) -> tuple[Vehicle, tuple[str, ...]]:
-        """Replace the dashpot of every mount of the group by the nearest two-sided power-law damper."""
+        """Replace the dashpot of every mount of the group by its force-rate curve."""
         group = group_of(view, fitted)
         notes: list[str] = []
         for i, p in enumerate(group.ports):
             port = view.plant.ports[p]
             v = view.strokes[1][:, p]
             v_rms = view.scales[p][1]
-            weights = fitted.coefficients[_COLUMNS * i : _COLUMNS * (i + 1)]
 
-            def curve(rate: Array, weights: Array = weights, scale: float = v_rms) -> Array:
-                return np.asarray(weights @ np.stack(characteristic_forms(rate / scale, fitted.shape, over_rate=True)))
+            def curve(rate: Array, place: int = i, scale: float = v_rms) -> Array:
+                forms = np.stack(characteristic_forms(rate / scale, fitted.shape, over_rate=True))
+                return np.asarray(fitted.coefficients[len(forms) * place : len(forms) * (place + 1)] @ forms)
 
             vehicle, note = add_damper_curve(vehicle, port.mount, port.axis, v, curve, float(view.state.damping[p]))
             notes += note

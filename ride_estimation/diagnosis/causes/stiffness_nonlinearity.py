@@ -55,10 +55,10 @@ class StiffnessNonlinearity(Cause):
                 near = np.array([u - step, u + step])
                 units = characteristic_forms(near, fitted.shape, over_rate=False)
                 weights = np.array([float(np.diff(unit)[0]) / (2.0 * step) for unit in units]) / x_rms
-                pair = fitted.coefficients[2 * i : 2 * i + 2]
-                changes.append(float(weights @ pair))
+                part = slice(len(units) * i, len(units) * (i + 1))
+                changes.append(float(weights @ fitted.coefficients[part]))
                 if u == 2.0:
-                    cov = fitted.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
+                    cov = fitted.covariance[part, part]
                     std = float(np.sqrt(max(float(weights @ cov @ weights), 0.0)))
             middle = max(slope + changes[2], 1e-9)
             for name, change in (("extension", changes[0]), ("compression", changes[1])):
@@ -76,8 +76,7 @@ class StiffnessNonlinearity(Cause):
             x = view.strokes[0][:, p]
             x_rms = view.scales[p][0]
             grid = np.linspace(x.min(), x.max(), 41)
-            u = grid / x_rms
-            pair = fitted.coefficients[2 * i : 2 * i + 2]
-            force = pair @ np.stack(characteristic_forms(u, fitted.shape, over_rate=False))
+            forms = np.stack(characteristic_forms(grid / x_rms, fitted.shape, over_rate=False))
+            force = fitted.coefficients[len(forms) * i : len(forms) * (i + 1)] @ forms
             vehicle = add_force_table(vehicle, port.mount, port.axis, grid, force)
         return vehicle, ()

@@ -30,6 +30,14 @@ class Family(enum.IntEnum):
     KNEE = 7  #: ``u`` within ``-s .. s``, a valve that blows off
 
 
+#: shape parameter that adds corners to a family, for what no family holds
+CORNERS = "corners"
+#: side and place of every corner, over the rms of the argument
+_CORNERS = tuple((sign, place) for sign in (1.0, -1.0) for place in (0.5, 1.0, 1.8, 2.6))
+#: share of a run that has to lie beyond a corner: a slope of a few samples would go on far beyond them
+_BEYOND = 0.005
+
+
 #: a damper is nonlinear at rates beyond that share of their rms; a force that levels off below it is friction by name, and the
 #: two causes would otherwise hold the same law. Friction is rounded over a tenth of the usual rate at most, the knee of a
 #: damper lies at two fifths of it at least; this is the geometric mean
@@ -64,15 +72,16 @@ def characteristic_forms(u: Array, shape: Shapes, over_rate: bool) -> list[Array
 
     Over rate the odd form ``f``, ``|u|`` and ``|f|``: a damper has a slope and a bend of its own in either direction. Over
     deflection ``f`` and ``u^2``, or ``s (cosh(u / s) - 1)`` beside ``s sinh(u / s)``: both together hold a spring that stiffens
-    in one direction only, as rubber and gas do in compression.
+    in one direction only, as rubber and gas do in compression. With corners ``max(+-u - b, 0)`` for each of them.
     """
     odd = odd_form(u, shape)
+    corners = [np.maximum(sign * u - place, 0.0) for sign, place in _CORNERS] if CORNERS in shape else []
     if over_rate:
-        return [odd, np.abs(u), np.abs(odd)]
+        return [odd, np.abs(u), np.abs(odd), *corners]
     if int(shape["family"]) == Family.GROWING:
         scale = float(shape["scale"])
-        return [odd, np.asarray(scale * (np.cosh(np.clip(u / scale, -_LIMIT, _LIMIT)) - 1.0))]
-    return [odd, u**2]
+        return [odd, np.asarray(scale * (np.cosh(np.clip(u / scale, -_LIMIT, _LIMIT)) - 1.0)), *corners]
+    return [odd, u**2, *corners]
 
 
 def straight_beyond(u: Array, reach: float, shape: Shapes, over_rate: bool) -> list[Array]:
@@ -103,21 +112,27 @@ def characteristic_hypotheses(
         The characteristic is one over rate, not over deflection.
     """
     grid = tuple({"family": float(family), "scale": scale} for family, scale in forms)
-    reach = np.maximum(np.max(np.abs(view.strokes[1 if over_rate else 0]), axis=0), _LEAST)
+    strokes = view.strokes[1 if over_rate else 0]
+    reach = np.maximum(np.max(np.abs(strokes), axis=0), _LEAST)
+    shown = np.array([np.mean(sign * strokes > place * np.std(strokes, axis=0), axis=0) > _BEYOND for sign, place in _CORNERS])
 
     def build(group: PortGroup) -> Hypothesis:
         def columns(view: RunView, shape: Shapes) -> list[Column]:
             out: list[Column] = []
             for p in group.ports:
-                def law(x: Array, v: Array, x_rms: float, v_rms: float, known: float = reach[p]) -> list[Array]:
+                def law(x: Array, v: Array, x_rms: float, v_rms: float, port: int = p) -> list[Array]:
                     u, rms = (v, v_rms) if over_rate else (x, x_rms)
-                    odd, *even = straight_beyond(u / rms, known / rms, shape, over_rate)
-                    return [odd, *(form - np.mean(form) for form in even)]
+                    forms = straight_beyond(u / rms, reach[port] / rms, shape, over_rate)
+                    if CORNERS in shape:
+                        forms[-len(_CORNERS) :] = [f * told for f, told in zip(forms[-len(_CORNERS) :], shown[:, port])]
+                    return [form - np.mean(form) for form in forms]
 
                 out += force_columns(view, dataclasses.replace(group, ports=(p,)), law)
             return out
 
         bounds = (Shape("scale", 1.0, LEAST_RATE_SCALE if over_rate else 0.1, 6.0),)
-        return Hypothesis(cause, group.location, group.axis, columns, grid, bounds, complexity=1.0, ports=group.ports)
+        return Hypothesis(
+            cause, group.location, group.axis, columns, grid, bounds, complexity=1.0, ports=group.ports, cornered=True
+        )
 
     return [build(group) for group in port_groups(view)]

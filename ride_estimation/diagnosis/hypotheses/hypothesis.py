@@ -78,6 +78,8 @@ class Hypothesis:
         Whether coefficients are possible numbers with their shape parameters.
     inner
         Shape parameters at whose lower bound it means nothing: what fits best there has another form.
+    cornered
+        Its columns hold a characteristic of any form where the shape has ``corners``.
     run_bound
         The cause belongs to one run (a disturbance, a change at some instant): another run needs its own coefficients.
     shows_in_means
@@ -120,6 +122,7 @@ class Hypothesis:
     simulated: Callable[[RunView, Shapes], list[Column]] | None = None
     fault: Callable[[Array], Array] | None = None
     inner: tuple[str, ...] = ()
+    cornered: bool = False
 
     def forces(self, view: RunView, shape: Shapes) -> list[Column]:
         """Return the columns that the model is simulated with."""
