@@ -5,17 +5,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from diagnosis_runs import GRAVITY, MASS, quarter_car, quarter_car_run
+from diagnosis_runs import GRAVITY, MASS, SITE, quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis.answer.result import EXPLAINED, Gain, NamedCause, ValidationGain
 from ride_estimation.diagnosis.answer.verdict import describe
 from ride_estimation.diagnosis.causes.bump_stop import BumpStop, _hardening
+from ride_estimation.diagnosis.causes.damping_nonlinearity import DampingNonlinearity
 from ride_estimation.diagnosis.causes.stiffness_nonlinearity import StiffnessNonlinearity
 from ride_estimation.diagnosis.common.extension import parts_of
 from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.common.spectra import edge_taper, make_grid
 from ride_estimation.diagnosis.diagnose import diagnose
-from ride_estimation.diagnosis.hypotheses.characteristic import Family, characteristic_forms, straight_beyond
+from ride_estimation.diagnosis.hypotheses.characteristic import CORNERS, Family, characteristic_forms, straight_beyond
 from ride_estimation.diagnosis.hypotheses.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.model.measurement import measurement
 from ride_estimation.diagnosis.model.plant import build_plant
@@ -23,7 +24,7 @@ from ride_estimation.diagnosis.runs.model_run import ModelState
 from ride_estimation.diagnosis.runs.run_data import RunData
 from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.diagnosis.search.waveform import _solved
-from ride_estimation.elements.curve import CurveSpring
+from ride_estimation.elements.curve import CurveDamper, CurveSpring
 
 
 def test_a_stop_hardens_from_a_square_to_an_exponential_and_goes_on_straight_where_the_run_never_was():
@@ -48,9 +49,10 @@ def test_both_parts_of_a_growing_spring_make_one_that_stiffens_in_one_direction_
 
 
 @pytest.mark.parametrize("over_rate", [False, True])
+@pytest.mark.parametrize("further", [{}, {CORNERS: 1.0}])
 @pytest.mark.parametrize("family", list(Family))
-def test_a_characteristic_goes_on_straight_where_the_run_never_was(family, over_rate):
-    u, shape, reach = np.linspace(-9.0, 9.0, 3601), {"family": float(family), "scale": 0.9}, 3.0
+def test_a_characteristic_goes_on_straight_where_the_run_never_was(family, further, over_rate):
+    u, shape, reach = np.linspace(-9.0, 9.0, 3601), {"family": float(family), "scale": 0.9, **further}, 3.0
     known = np.abs(u) <= reach
     for form, straight in zip(characteristic_forms(u, shape, over_rate), straight_beyond(u, reach, shape, over_rate)):
         np.testing.assert_array_equal(straight[known], form[known])
@@ -78,6 +80,41 @@ def test_a_spring_that_softens_on_a_road_does_not_turn_its_force_round_on_a_roug
     slope = float(np.cosh(reach / 0.9))
     assert np.max(np.abs(forces[1])) < np.max(np.abs(forces[0])) + 2.5 * slope * reach
     assert 0.9 * np.sinh(3.0 * reach / 0.9) > 20.0 * np.max(np.abs(forces[1]))
+
+
+def test_a_characteristic_has_corners_only_where_the_run_went_beyond_them():
+    plant = build_plant(quarter_car(), {"body": 3, "base": 3})
+    data = RunData(plant, measurement(plant, quarter_car_run(seed=4)), Settings())
+    view = RunView(data, ModelState(np.array([44e3]), np.array([2e3])))
+    shape = {"family": float(Family.CUBIC), "scale": 1.0}
+    for cause, strokes in ((StiffnessNonlinearity(), view.strokes[0]), (DampingNonlinearity(), view.strokes[1])):
+        law = cause.hypotheses(view)[0]
+        count, u = len(law.columns(view, shape)), strokes[:, 0] / np.std(strokes[:, 0])
+        corners = [e[0].signal for e in law.columns(view, {**shape, CORNERS: 1.0})[count:]]
+        beyond = [np.mean(sign * u > place) for sign in (1.0, -1.0) for place in (0.5, 1.0, 1.8, 2.6)]
+        assert [bool(np.any(c)) for c in corners] == [share > 0.005 for share in beyond]
+        assert 0.0 < min(beyond) < 0.005 < max(beyond)
+
+
+def test_a_damper_of_no_family_is_found_as_a_curve_that_holds_on_another_road():
+    """Degressive from a knee on in one direction, progressive in the other: no family has both."""
+
+    def force(v: float) -> float:
+        u = v / SITE.rate
+        return 0.5 * SITE.damping * SITE.rate * (
+            0.5 * max(u - 0.6, 0.0) ** 2 - 0.7 * max(-u - 0.3, 0.0) + 0.5 * max(-u - 1.5, 0.0)
+        )
+
+    run, other = (quarter_car_run(s, law=lambda x, v: force(v)) for s in (51, 52))
+    answer = diagnose(quarter_car(), run, [other], Settings(stability=False))
+    assert answer.verdict == EXPLAINED and [c.id for c in answer.causes] == ["damping_nonlinearity"]
+    assert answer.causes[0].confidence > 0.95
+    gain = answer.gain.validation[0]
+    assert gain.baseline > 5.0 * gain.noise_floor and gain.extended < 1.2 * gain.noise_floor  # 5.7 -> 0.96 %, families 1.45 %
+    curve = next(p for p in parts_of(answer.extended.mounts["strut"].elements["z"]) if isinstance(p, CurveDamper))
+    rates = SITE.rate * np.array([-2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0])
+    true = [SITE.damping * v + force(v) for v in rates]
+    np.testing.assert_allclose(np.interp(rates, curve.rates, curve.forces), true, rtol=0.03)
 
 
 @pytest.mark.parametrize(("mass", "means"), [(150.0, True), (250.0, False)])
