@@ -33,7 +33,7 @@ from ride_estimation.diagnosis.search.candidates import (
 )
 from ride_estimation.diagnosis.search.fitting import FullFit, FullFitter, tolerance_of, unsettled
 from ride_estimation.diagnosis.search.free_law import NO_LAW, FreeLaw, form_columns, free_law
-from ride_estimation.diagnosis.search.screening import Projector, Score, mean_rows, screen, solve_signed
+from ride_estimation.diagnosis.search.screening import Projector, Score, mean_rows, price, screen, solve_signed
 
 Array = NDArray[np.float64]
 
@@ -159,6 +159,13 @@ def required_evidence(fit: FullFit, place: int, settings: Settings) -> float:
     return settings.significance if moves else min(_IN_MEANS, settings.significance)
 
 
+def _of_any_form(hypothesis: Hypothesis) -> Hypothesis:
+    """Return a law of a family with its numbers as they were found: they move no more, their price stays."""
+    return dataclasses.replace(
+        hypothesis, grid=(), shapes=(), complexity=hypothesis.complexity + len(hypothesis.shapes)
+    )
+
+
 class Selector:
     """Selects causes on the fit and select blocks.
 
@@ -240,7 +247,8 @@ class Selector:
             if dropped or self._exhausted(of_any_form) or self._spent:
                 break
         if accepted is not None:
-            accepted = self._converged(of_any_form if accepted is families else self._with_corners(accepted))
+            accepted = of_any_form if accepted is families else self._with_corners(accepted)
+            accepted = self._converged(self._widened(accepted, contests))
         kept = accepted.fitted if accepted is not None else ()
         found = (contests.get(identity(f.hypothesis)) for f in kept)
         return Selection(
@@ -255,16 +263,59 @@ class Selector:
         for place, f in enumerate(accepted.fitted):
             if not f.hypothesis.cornered or CORNERS in f.shape or explains(accepted.misfit / self._dof) or self._spent:
                 continue
-            # the family as it was found: its price stays, its numbers move no more
-            any_form = dataclasses.replace(f.hypothesis, grid=(), shapes=(), complexity=f.hypothesis.complexity + len(f.shape))
             start: list[Score | Fitted] = [*accepted.fitted]
-            start[place] = Score(any_form, {**f.shape, CORNERS: 1.0}, np.zeros(0), 0.0, 0.0)
+            start[place] = Score(_of_any_form(f.hypothesis), {**f.shape, CORNERS: 1.0}, np.zeros(0), 0.0, 0.0)
             trial = self._fitted([start], 3, accepted)[0]
             temper = self._common_temper([accepted, trial])
             gain = trial.log_likelihood(temper) - accepted.log_likelihood(temper)
             if gain > self._settings.significance and trial.held_out < accepted.held_out:
                 accepted = trial
         return accepted
+
+    def _widened(self, accepted: FullFit, contests: dict[Identity, Round]) -> FullFit:
+        """Return accepted causes at more mounts of their axis where these show the same law when it leaves nothing else.
+
+        Of mounts that move alike fewer of them bring nearly as much, and while a law is described badly small ones at every mount
+        soak up some of what it leaves (:meth:`_narrowed`). Where a law at more mounts leaves no more than noise, or nearly so,
+        neither holds: likelihood decides. One law in place of several at mounts that it covers only must not be worse.
+        """
+        for own in [identity(f.hypothesis) for f in accepted.fitted]:
+            f = next((f for f in accepted.fitted if identity(f.hypothesis) == own), None)
+            if f is None or not f.hypothesis.ports or self._spent:
+                continue
+            groups = [h for h in self._build(accepted.view) if within(f.hypothesis, h)]
+            rest = [[o for o in accepted.fitted if o is not f and not within(o.hypothesis, h)] for h in groups]
+            gains = [
+                np.inf if len(others) + 1 < len(accepted.fitted) else self._gain_at_others(accepted, f, h)
+                for h, others in zip(groups, rest)
+            ]
+            if max(gains, default=0.0) < self._settings.significance:
+                continue
+            wider, others = max(zip(groups, rest, gains), key=lambda item: item[2])[:2]
+            fewer = len(others) + 1 < len(accepted.fitted)
+            new = Score(_of_any_form(wider) if CORNERS in f.shape else wider, f.shape, np.zeros(0), 0.0, 0.0)
+            trial = self._fitted([[*others, new]], 3, accepted)[0]
+            temper = self._common_temper([accepted, trial])
+            gain = trial.log_likelihood(temper) - accepted.log_likelihood(temper)
+            excess = [max(fit.misfit - self._dof, 0.0) for fit in (accepted, trial)]
+            clear = explains(trial.misfit / self._dof) or excess[1] < self._settings.unexplained * excess[0]
+            better = gain > self._settings.significance and trial.held_out < accepted.held_out
+            if clear and (better or (fewer and gain > -self._settings.significance)):
+                contests[identity(wider)] = contests[own]
+                accepted = trial
+        return accepted
+
+    def _gain_at_others(self, accepted: FullFit, f: Fitted, wider: Hypothesis) -> float:
+        """Return the gain in penalised log-likelihood of an accepted law at the further mounts of a group, by a score test [nat]."""
+        view, regression = self._residual_problem(accepted)
+        columns = wider.columns(view, f.shape)
+        per_port = len(columns) // len(wider.ports)
+        places = [i for i, p in enumerate(wider.ports) if p not in f.hypothesis.ports]
+        further = [c for i in places for c in columns[per_port * i : per_port * (i + 1)]]
+        projector = Projector(regression, self._blocks)
+        normal, right = projector.reduce(view.push(further, single=True), mean_rows(self._cal.table, further))
+        drop = solve_signed(normal, right, wider.column_signs(len(further)))[1]
+        return 0.5 * drop / regression.temper - price(wider, len(further), self._dof, 1) + price(wider, 0, self._dof, 1)
 
     def _converged(self, accepted: FullFit) -> FullFit:
         """Return accepted causes after more passes where they leave much and every round of passes leaves less.
