@@ -18,8 +18,10 @@ from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.hypotheses.hypothesis import Hypothesis
 from ride_estimation.diagnosis.runs.model_run import ModelState
-from ride_estimation.diagnosis.search.candidates import shortlist
+from ride_estimation.diagnosis.search.candidates import identity, shortlist
+from ride_estimation.diagnosis.search.fits import Fits
 from ride_estimation.diagnosis.search.fitting import with_effects
+from ride_estimation.diagnosis.search.refinement import Refinement
 from ride_estimation.diagnosis.search.screening import Score
 from ride_estimation.diagnosis.search.selection import Candidate, Selector, required_evidence
 from ride_estimation.diagnosis.search.shape_search import searched_shape
@@ -185,8 +187,9 @@ def test_a_law_of_its_own_takes_the_place_of_a_group_law_at_its_mount(gained: fl
     valve = sited("damping_nonlinearity", "fr", 5)
     selector = object.__new__(Selector)
     selector._build, selector._settings = lambda view: [front, left, right], Settings()
-    selector._common_temper = lambda fits: 1.0
-    selector._fitted = lambda sets, passes, after: [fit_of(gained, 1.0, *(s.hypothesis for s in sets[0]))]
+    selector._fits = types.SimpleNamespace(
+        temper=lambda fits: 1.0, one=lambda start, passes, after: fit_of(gained, 1.0, *(s.hypothesis for s in start))
+    )
     found = selector._split(fit_of(50.0, 1.5, front, valve), fit_of(0.0, 2.0, front))
     assert (found is not None) is taken
     if found is not None:
@@ -217,11 +220,11 @@ def test_a_fault_that_shows_in_mean_readings_alone_needs_less_evidence(moves: bo
 def test_accepted_causes_are_fitted_until_a_round_removes_little(misfits: list[float], rounds: int, kept: int):
     fits = [types.SimpleNamespace(misfit=m, fitted=(), number=i) for i, m in enumerate(misfits)]
     asked = iter(fits[1:])
-    selector = object.__new__(Selector)
-    selector._dof, selector._fits, selector._settings = 1.0, 0, Settings()
-    selector.fitter = types.SimpleNamespace(fit=lambda fitted, passes, after: next(asked))
-    assert selector._converged(fits[0]) is fits[kept]
-    assert selector._fits == rounds
+    work = object.__new__(Fits)
+    work.dof, work.count, work.settings = 1.0, 0, Settings()
+    work.fitter = types.SimpleNamespace(fit=lambda fitted, passes, after, settle: next(asked))
+    assert Refinement(work, lambda view: []).converged(fits[0]) is fits[kept]
+    assert work.count == rounds
 
 
 @pytest.mark.parametrize(("lost", "kept"), [(10.0, 2), (5.0, 1)])
@@ -240,6 +243,45 @@ def test_a_fault_in_mean_readings_is_kept_beside_another_cause_on_the_evidence_i
         for causes, level in ((fitted, 0.0), (fitted[:1], -lost))
     )  # fmt: skip
     selector = object.__new__(Selector)
-    selector._dof, selector._blocks, selector._settings = 1.0, np.arange(2), Settings()
-    selector._fitted = lambda rests, passes, after: [alone for _ in rests]
+    selector._settings = Settings()
+    selector._fits = types.SimpleNamespace(
+        dof=1.0, blocks=np.arange(2), all=lambda rests, passes, after: [alone for _ in rests]
+    )
     assert len(selector._without_idle(both).fitted) == kept
+
+
+@pytest.mark.parametrize(
+    ("start", "gained", "misfit", "held_out", "found"),
+    [
+        ((("left", 0, 1),), 100.0, 1.0, 0.9, ["all"]),
+        ((("left", 0, 1),), 10.0, 1.0, 0.9, ["left"]),  # too little evidence
+        ((("left", 0, 1),), 100.0, 1.0, 1.1, ["left"]),  # predicts no better
+        ((("left", 0, 1),), 100.0, 2.0, 0.9, ["left"]),  # half remains: a law that is described badly
+        ((("left", 0, 1),), 100.0, 1.5, 0.9, ["all"]),
+        # one law in place of two at the mounts that it covers
+        ((("left", 0, 1), ("right", 2, 3)), -10.0, 1.0, 1.1, ["all"]),
+        ((("left", 0, 1), ("right", 2, 3)), -20.0, 1.0, 0.9, ["left", "right"]),
+    ],
+)
+def test_a_law_is_named_at_more_mounts_where_they_show_it_too_and_nothing_else_is_left(start, gained, misfit, held_out, found):
+    def sited(location: str, *ports: int) -> Hypothesis:
+        return Hypothesis("viscoelasticity", location, "y", lambda view, shape: [], ports=ports)
+
+    def fit_of(level: float, misfit: float, held_out: float, *hypotheses: Hypothesis) -> types.SimpleNamespace:
+        fitted = tuple(types.SimpleNamespace(hypothesis=h, shape={}) for h in hypotheses)
+        return types.SimpleNamespace(
+            fitted=fitted, misfit=misfit, log_likelihood=lambda temper: level, held_out=held_out, view=None
+        )
+
+    everywhere = sited("all", 0, 1, 2, 3)
+    work = types.SimpleNamespace(
+        dof=1.0, spent=False, settings=Settings(), temper=lambda fits: 1.0, explained=lambda fit: fit.misfit < 1.2,
+        one=lambda start, passes, after: fit_of(gained, misfit, held_out, *(s.hypothesis for s in start)),
+    )  # fmt: skip
+    own = [sited(*place) for place in start]
+    refinement = Refinement(work, lambda view: [*own, everywhere])
+    refinement._gain_at_others = lambda accepted, f, wider: 50.0
+    contests = {identity(h): h.location for h in own}
+    answer = refinement.widened(fit_of(0.0, 3.4, 1.0, *own), contests)
+    assert [f.hypothesis.location for f in answer.fitted] == found
+    assert all(identity(f.hypothesis) in contests for f in answer.fitted)

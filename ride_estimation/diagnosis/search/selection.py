@@ -4,23 +4,19 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.calibration.linear_model import Calibrated, beyond_limits, explains
-from ride_estimation.diagnosis.calibration.regression import Regression
+from ride_estimation.diagnosis.calibration.linear_model import Calibrated, beyond_limits
 from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.common.parallel import in_order, usable_threads
 from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.common.splits import Splits
-from ride_estimation.diagnosis.hypotheses.characteristic import CORNERS
 from ride_estimation.diagnosis.hypotheses.hypothesis import Fitted, Hypothesis, Sign
 from ride_estimation.diagnosis.runs.noise import temper_of
 from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.diagnosis.search.candidates import (
-    MOSTLY,
     Identity,
     at_bounds,
     beyond_tolerance,
@@ -31,9 +27,11 @@ from ride_estimation.diagnosis.search.candidates import (
     taken,
     within,
 )
+from ride_estimation.diagnosis.search.fits import Fits
 from ride_estimation.diagnosis.search.fitting import FullFit, FullFitter, tolerance_of, unsettled
 from ride_estimation.diagnosis.search.free_law import NO_LAW, FreeLaw, form_columns, free_law
-from ride_estimation.diagnosis.search.screening import Projector, Score, mean_rows, price, screen, solve_signed
+from ride_estimation.diagnosis.search.refinement import Refinement
+from ride_estimation.diagnosis.search.screening import Projector, Score, mean_rows, screen, solve_signed
 
 Array = NDArray[np.float64]
 
@@ -49,11 +47,6 @@ _OWN, _MINOR = 0.5, 0.02
 _LEAST = 0.01
 #: standard deviations by which a plant may be from the installation that the accepted causes leave
 _BENT = 0.5
-
-#: prior standard deviation of a coefficient that nothing is known of
-_FREE = 1e12
-#: rounds of further passes of accepted causes, and the share of the misfit that each has to remove
-_ROUNDS, _LESS = 3, 0.02
 #: log odds for a fault that shows in mean readings alone [nat]: a thousand to one, for two dozen channels are asked; no model of
 #: anything that moves errs there. Offset and gain of an axis at three standard deviations each stay below
 _IN_MEANS = 7.0
@@ -159,13 +152,6 @@ def required_evidence(fit: FullFit, place: int, settings: Settings) -> float:
     return settings.significance if moves else min(_IN_MEANS, settings.significance)
 
 
-def _of_any_form(hypothesis: Hypothesis) -> Hypothesis:
-    """Return a law of a family with its numbers as they were found: they move no more, their price stays."""
-    return dataclasses.replace(
-        hypothesis, grid=(), shapes=(), complexity=hypothesis.complexity + len(hypothesis.shapes)
-    )
-
-
 class Selector:
     """Selects causes on the fit and select blocks.
 
@@ -187,25 +173,30 @@ class Selector:
         self, calibrated: Calibrated, splits: Splits, build: Build, settings: Settings,
         progress: Callable[[float], None] | None = None,
     ) -> None:
-        self._cal, self._splits, self._build, self._settings = calibrated, splits, build, settings
-        self._blocks = splits.train
-        self._dof = float(calibrated.view.block_dof[self._blocks].sum())
-        #: fits a given set of hypotheses on the same blocks
-        self.fitter = FullFitter(calibrated, splits)
+        self._build, self._settings = build, settings
+        self._fits = Fits(calibrated, splits, settings)
+        self._refine = Refinement(self._fits, build)
         self._progress = progress or (lambda share: None)
-        self._threads = settings.threads or usable_threads()
         self._rounds: list[Round] = []
-        self._fits = 0
         fit, regression = calibrated.fit, calibrated.regression
-        self.base_misfit = regression.misfit(regression.grams, self._blocks, fit.coefficients)
+        self.base_misfit = regression.misfit(regression.grams, self._fits.blocks, fit.coefficients)
         alone = regression.fit(regression.grams, splits.fit)
         self._base_held_out = regression.misfit(regression.grams, splits.select, alone.coefficients)
         self._base_penalty = calibrated.penalty
 
     @property
+    def fitter(self) -> FullFitter:
+        """Return what fits a given set of hypotheses on the same blocks."""
+        return self._fits.fitter
+
+    @property
+    def _cal(self) -> Calibrated:
+        return self._fits.calibrated
+
+    @property
     def base_excess(self) -> float:
         """Return the misfit per degree of freedom of the calibrated model."""
-        return self.base_misfit / self._dof
+        return self.base_misfit / self._fits.dof
 
     def run(self) -> Selection:
         """Run forward selection; after every further cause the earlier ones are contested again."""
@@ -216,7 +207,7 @@ class Selector:
             held, bounded = self._cal, self._bounded(accepted)
             current = self._round(bounded)
             if bounded is not accepted and not (current.candidates and self._worthwhile(current, bounded)):
-                self._hold(held)
+                self._fits.hold(held)
                 current = self._round(accepted)
             elif bounded is not accepted:
                 accepted = bounded
@@ -230,7 +221,7 @@ class Selector:
             if not worthwhile and (accepted is None or not self._puzzling(accepted)):
                 break
             before, known = accepted, dict(contests)
-            accepted = self._narrowed(current.candidates[0].fit) if split is None else split
+            accepted = self._refine.narrowed(current.candidates[0].fit) if split is None else split
             contests[identity(accepted.fitted[-1].hypothesis)] = record
             if number and worthwhile:
                 accepted = self._contested(self._without_idle(accepted), contests)
@@ -243,94 +234,17 @@ class Selector:
             accepted = self._without_tolerated(self._settled(accepted))
             dropped = newest not in [identity(f.hypothesis) for f in accepted.fitted]
             # what is the form of a law is no further cause; rivals are of families, so contests are between families
-            families, of_any_form = accepted, self._with_corners(accepted)
-            if dropped or self._exhausted(of_any_form) or self._spent:
+            families, of_any_form = accepted, self._refine.with_corners(accepted)
+            if dropped or self._exhausted(of_any_form) or self._fits.spent:
                 break
         if accepted is not None:
-            accepted = of_any_form if accepted is families else self._with_corners(accepted)
-            accepted = self._converged(self._widened(accepted, contests))
+            accepted = of_any_form if accepted is families else self._refine.with_corners(accepted)
+            accepted = self._refine.converged(self._refine.widened(accepted, contests))
         kept = accepted.fitted if accepted is not None else ()
         found = (contests.get(identity(f.hypothesis)) for f in kept)
         return Selection(
-            accepted, tuple(self._rounds), tuple(r if r is not None else self._rounds[0] for r in found), self._spent
+            accepted, tuple(self._rounds), tuple(r if r is not None else self._rounds[0] for r in found), self._fits.spent
         )
-
-    def _with_corners(self, accepted: FullFit) -> FullFit:
-        """Return accepted causes with corners where families leave what a characteristic of any form explains.
-
-        Families tell causes apart by few numbers; none holds a real law to a few per cent of a large effect.
-        """
-        for place, f in enumerate(accepted.fitted):
-            if not f.hypothesis.cornered or CORNERS in f.shape or explains(accepted.misfit / self._dof) or self._spent:
-                continue
-            start: list[Score | Fitted] = [*accepted.fitted]
-            start[place] = Score(_of_any_form(f.hypothesis), {**f.shape, CORNERS: 1.0}, np.zeros(0), 0.0, 0.0)
-            trial = self._fitted([start], 3, accepted)[0]
-            temper = self._common_temper([accepted, trial])
-            gain = trial.log_likelihood(temper) - accepted.log_likelihood(temper)
-            if gain > self._settings.significance and trial.held_out < accepted.held_out:
-                accepted = trial
-        return accepted
-
-    def _widened(self, accepted: FullFit, contests: dict[Identity, Round]) -> FullFit:
-        """Return accepted causes at more mounts of their axis where these show the same law when it leaves nothing else.
-
-        Of mounts that move alike fewer of them bring nearly as much, and while a law is described badly small ones at every mount
-        soak up some of what it leaves (:meth:`_narrowed`). Where a law at more mounts leaves no more than noise, or nearly so,
-        neither holds: likelihood decides. One law in place of several at mounts that it covers only must not be worse.
-        """
-        for own in [identity(f.hypothesis) for f in accepted.fitted]:
-            f = next((f for f in accepted.fitted if identity(f.hypothesis) == own), None)
-            if f is None or not f.hypothesis.ports or self._spent:
-                continue
-            groups = [h for h in self._build(accepted.view) if within(f.hypothesis, h)]
-            rest = [[o for o in accepted.fitted if o is not f and not within(o.hypothesis, h)] for h in groups]
-            gains = [
-                np.inf if len(others) + 1 < len(accepted.fitted) else self._gain_at_others(accepted, f, h)
-                for h, others in zip(groups, rest)
-            ]
-            if max(gains, default=0.0) < self._settings.significance:
-                continue
-            wider, others = max(zip(groups, rest, gains), key=lambda item: item[2])[:2]
-            fewer = len(others) + 1 < len(accepted.fitted)
-            new = Score(_of_any_form(wider) if CORNERS in f.shape else wider, f.shape, np.zeros(0), 0.0, 0.0)
-            trial = self._fitted([[*others, new]], 3, accepted)[0]
-            temper = self._common_temper([accepted, trial])
-            gain = trial.log_likelihood(temper) - accepted.log_likelihood(temper)
-            excess = [max(fit.misfit - self._dof, 0.0) for fit in (accepted, trial)]
-            clear = explains(trial.misfit / self._dof) or excess[1] < self._settings.unexplained * excess[0]
-            better = gain > self._settings.significance and trial.held_out < accepted.held_out
-            if clear and (better or (fewer and gain > -self._settings.significance)):
-                contests[identity(wider)] = contests[own]
-                accepted = trial
-        return accepted
-
-    def _gain_at_others(self, accepted: FullFit, f: Fitted, wider: Hypothesis) -> float:
-        """Return the gain in penalised log-likelihood of an accepted law at the further mounts of a group, by a score test [nat]."""
-        view, regression = self._residual_problem(accepted)
-        columns = wider.columns(view, f.shape)
-        per_port = len(columns) // len(wider.ports)
-        places = [i for i, p in enumerate(wider.ports) if p not in f.hypothesis.ports]
-        further = [c for i in places for c in columns[per_port * i : per_port * (i + 1)]]
-        projector = Projector(regression, self._blocks)
-        normal, right = projector.reduce(view.push(further, single=True), mean_rows(self._cal.table, further))
-        drop = solve_signed(normal, right, wider.column_signs(len(further)))[1]
-        return 0.5 * drop / regression.temper - price(wider, len(further), self._dof, 1) + price(wider, 0, self._dof, 1)
-
-    def _converged(self, accepted: FullFit) -> FullFit:
-        """Return accepted causes after more passes where they leave much and every round of passes leaves less.
-
-        Candidates are compared after few passes; along a law of hard corners, stiffness and shape move for longer.
-        """
-        for _ in range(_ROUNDS):
-            if explains(accepted.misfit / self._dof) or self._spent:
-                break
-            self._fits += 1
-            again = self.fitter.fit(accepted.fitted, 4, accepted)
-            if not again.misfit < (1.0 - _LESS) * accepted.misfit:
-                break
-            accepted = again
-        return accepted
 
     def _split(self, further: FullFit, accepted: FullFit) -> FullFit | None:
         """Return the model with the last cause of a fit in the place of a law at the mounts that both share, None where worse.
@@ -347,8 +261,8 @@ class Selector:
             if fewer is None:
                 continue
             others = [other for i, other in enumerate(accepted.fitted) if i != place]
-            trial = self._fitted([[*others, Score(fewer, f.shape, np.zeros(0), 0.0, 0.0), last]], 2, accepted)[0]
-            temper = self._common_temper([accepted, trial])
+            trial = self._fits.one([*others, Score(fewer, f.shape, np.zeros(0), 0.0, 0.0), last], 2, accepted)
+            temper = self._fits.temper([accepted, trial])
             gain = trial.log_likelihood(temper) - accepted.log_likelihood(temper)
             if gain > self._settings.significance and trial.held_out < accepted.held_out:
                 return trial
@@ -367,27 +281,26 @@ class Selector:
         if loaded or (not self._cal.held and unsettled(accepted) < _BENT):
             return accepted
         held = self._cal
-        self._hold(dataclasses.replace(held, held={}))
-        self._fits += 1
-        settled = self.fitter.fit(accepted.fitted, 3, accepted, settle=True)
-        temper = self._common_temper([accepted, settled])
+        self._fits.hold(dataclasses.replace(held, held={}))
+        settled = self._fits.one(accepted.fitted, 3, accepted, settle=True)
+        temper = self._fits.temper([accepted, settled])
         worse = settled.log_likelihood(temper) < accepted.log_likelihood(temper) - self._settings.significance
         if not worse and not settled.strained:
             return settled
-        self._hold(held)
+        self._fits.hold(held)
         return accepted
 
     def _without_tolerated(self, fit: FullFit) -> FullFit:
         """Return the fit without causes that shrank, beside the others, to what an installation in its tolerance has."""
         kept = [f for i, f in enumerate(fit.fitted) if beyond_tolerance(fit, i)]
-        return fit if not kept or len(kept) == len(fit.fitted) else self._fitted([kept], 2, fit)[0]
+        return fit if not kept or len(kept) == len(fit.fitted) else self._fits.one(kept, 2, fit)
 
     def _bounded(self, accepted: FullFit | None) -> FullFit | None:
         """Return the accepted model with errors that no good installation has held where their causes count from.
 
         What a cause left unseen the tolerances of the calibrated model were too wide for; a model that explains the run shows it.
         """
-        if accepted is None or not explains(accepted.misfit / self._dof):
+        if accepted is None or not self._fits.explained(accepted):
             return accepted
         count = len(accepted.adjustables)
         beyond = beyond_limits(accepted.adjustables, accepted.coefficients[:count], accepted.covariance[:count, :count])
@@ -395,17 +308,14 @@ class Selector:
         fresh = {i: v - own[i].offset + first[i].offset for i, v in beyond.items() if i not in self._cal.held}
         if not fresh:
             return accepted
-        self._hold(dataclasses.replace(self._cal, held={**self._cal.held, **fresh}))
-        return self._fitted([accepted.fitted], 2, accepted)[0]
-
-    def _hold(self, calibrated: Calibrated) -> None:
-        self._cal, self.fitter = calibrated, FullFitter(calibrated, self._splits)
+        self._fits.hold(dataclasses.replace(self._cal, held={**self._cal.held, **fresh}))
+        return self._fits.one(accepted.fitted, 2, accepted)
 
     def better_law(self, accepted: FullFit | None) -> FreeLaw:
         """Return the law without a name that explains more than accepted causes; of causes that show in means only, none."""
         if accepted is None or not accepted.in_band:
             return NO_LAW
-        view, problem = self._residual_problem(accepted)
+        view, problem = self._fits.residual_problem(accepted)
         plain = self._cal.regression.block_misfit(self._cal.regression.grams, self._cal.fit.coefficients)
         relieved = accepted.regression.temper * max(self._base_penalty - accepted.penalty, 0.0)
         explained = float((plain - accepted.block_misfit).sum()) + relieved
@@ -423,8 +333,8 @@ class Selector:
     def without_weakest(self, selection: Selection, accepted: FullFit) -> Selection:
         """Return a selection of several accepted causes without the one that the others need least."""
         places = range(len(accepted.fitted))
-        trials = self._fitted([[f for i, f in enumerate(accepted.fitted) if i != drop] for drop in places], 2, accepted)
-        temper = temper_of(accepted.misfit / self._dof, accepted.inefficiency)
+        trials = self._fits.all([[f for i, f in enumerate(accepted.fitted) if i != drop] for drop in places], 2, accepted)
+        temper = temper_of(accepted.misfit / self._fits.dof, accepted.inefficiency)
         drop = max(places, key=lambda i: trials[i].log_likelihood(temper))
         contests = tuple(c for i, c in enumerate(selection.contests) if i != drop)
         return dataclasses.replace(selection, accepted=trials[drop], contests=contests)
@@ -435,7 +345,7 @@ class Selector:
         if len(first.candidates) < 2:
             return None
         rest = dataclasses.replace(first, candidates=first.candidates[1:])
-        fit = self._fitted([rest.candidates[0].fit.fitted], 3, None)[0]
+        fit = self._fits.one(rest.candidates[0].fit.fitted, 3, None)
         best = Candidate(fit, fit.log_likelihood(first.temper))
         rest = dataclasses.replace(rest, candidates=(best, *rest.candidates[1:]))
         further = dataclasses.replace(selection, accepted=fit, rounds=(rest, *selection.rounds[1:]), contests=(rest,))
@@ -443,7 +353,7 @@ class Selector:
 
     def compared(self, fits: Sequence[FullFit], place: int, before: FullFit | None = None) -> Round:
         """Return fits that differ in the hypothesis at ``place`` as rivals, ``before`` the model without any of those."""
-        temper = min(temper_of(f.misfit / self._dof, f.inefficiency) for f in fits)
+        temper = min(temper_of(f.misfit / self._fits.dof, f.inefficiency) for f in fits)
         candidates = sorted((Candidate(f, f.log_likelihood(temper), place) for f in fits), key=lambda c: -c.log_likelihood)
         return Round(tuple(candidates), self._reference(before, temper), temper)
 
@@ -451,28 +361,12 @@ class Selector:
         """Return whether the best candidate of a first round is evident enough to be a cause."""
         return self._worthwhile(current, None)
 
-    @property
-    def _spent(self) -> bool:
-        """Return whether the budget of full fits is used up."""
-        return self._fits >= self._settings.most_fits
-
-    def _each_fitted(
-        self, sets: Sequence[Sequence[Score | Fitted]], passes: int, after: FullFit | None
-    ) -> Iterator[FullFit]:
-        """Yield the full fits of some sets of hypotheses, in their order; each holds the trajectory of its model."""
-        self._fits += len(sets)
-        yield from in_order(lambda start: self.fitter.fit(start, passes, after), sets, self._threads)
-
-    def _fitted(self, sets: Sequence[Sequence[Score | Fitted]], passes: int, after: FullFit | None) -> list[FullFit]:
-        """Return the full fits of some sets of hypotheses, in their order."""
-        return list(self._each_fitted(sets, passes, after))
-
     def _lightened(self, found: list[tuple[FullFit, int]], kept: FullFit | None) -> list[tuple[FullFit, int]]:
         """Return the fits of a round so far, all but the best and the accepted one without their trajectories.
 
         Trajectories take a hundred megabytes each.
         """
-        temper = self._common_temper(f for f, _ in found)
+        temper = self._fits.temper(f for f, _ in found)
         best = max((f for f, _ in found), key=lambda f: f.log_likelihood(temper))
         return [
             (f if f is best or f is kept else f.slim(self._cal.view, self._cal.regression), place) for f, place in found
@@ -487,22 +381,19 @@ class Selector:
         self._rounds.append(record)
         return record
 
-    def _common_temper(self, fits: Iterable[FullFit]) -> float:
-        return min((temper_of(f.misfit / self._dof, f.inefficiency) for f in fits), default=1.0)
-
     def _puzzling(self, accepted: FullFit) -> bool:
         """Return whether so much is left that the accepted causes may be wrong ones that stand for several others.
 
         Evidence is then weak whatever is added, because most of the residual counts as model error.
         """
-        left = (accepted.misfit - self._dof) / max(self.base_misfit - self._dof, 1e-9)
-        return left > self._settings.unexplained and accepted.misfit > _FAR * self._dof
+        left = (accepted.misfit - self._fits.dof) / max(self.base_misfit - self._fits.dof, 1e-9)
+        return left > self._settings.unexplained and accepted.misfit > _FAR * self._fits.dof
 
     def _solved(self, before: FullFit, after: FullFit) -> bool:
         """Return whether a further cause tried on trust, with the earlier ones contested, explains what was left."""
-        temper = temper_of(after.misfit / self._dof, after.inefficiency)
+        temper = temper_of(after.misfit / self._fits.dof, after.inefficiency)
         gain = after.log_likelihood(temper) - before.log_likelihood(temper)
-        excess = max(before.misfit - self._dof, 1e-9)
+        excess = max(before.misfit - self._fits.dof, 1e-9)
         return (
             gain > self._settings.significance * len(after.fitted) and after.held_out < before.held_out
             and before.misfit - after.misfit > (1.0 - self._settings.unexplained) * excess
@@ -515,7 +406,7 @@ class Selector:
         """
         pending = [identity(f.hypothesis) for f in accepted.fitted[:-1]]
         for _ in range(2 * len(accepted.fitted)):
-            if not pending or self._spent:
+            if not pending or self._fits.spent:
                 break
             wanted = pending.pop(0)
             place = next((i for i, f in enumerate(accepted.fitted) if identity(f.hypothesis) == wanted), None)
@@ -525,7 +416,7 @@ class Selector:
             record, best = self._recorded(current), current.candidates[0]
             contests[identity(best.hypothesis)] = record
             if best.fit is not accepted:
-                accepted = self._narrowed(best.fit)
+                accepted = self._refine.narrowed(best.fit)
                 contests[identity(accepted.fitted[-1].hypothesis)] = record
                 others = [identity(f.hypothesis) for f in accepted.fitted[:-1]]
                 pending = [*pending, *(i for i in others if i not in pending)]
@@ -538,17 +429,17 @@ class Selector:
         """
         if accepted.strained:
             return False
-        left = (accepted.misfit - self._dof) / max(self.base_misfit - self._dof, 1e-9)
-        return left < _MINOR or accepted.misfit < self._dof * (1.0 + 3.0 * np.sqrt(2.0 / self._dof))
+        left = (accepted.misfit - self._fits.dof) / max(self.base_misfit - self._fits.dof, 1e-9)
+        return left < _MINOR or accepted.misfit < self._fits.dof * (1.0 + 3.0 * np.sqrt(2.0 / self._fits.dof))
 
     # ------------------------------------------------------------------ one round
     def _round(self, accepted: FullFit | None, place: int | None = None) -> Round:
         """Compare candidates for a further cause, or with ``place`` for that of one accepted cause."""
-        view, regression = self._residual_problem(accepted, place)
-        projector = Projector(regression, self._blocks)
+        view, regression = self._fits.residual_problem(accepted, place)
+        projector = Projector(regression, self._fits.blocks)
         kept = [f for i, f in enumerate(accepted.fitted) if i != place] if accepted is not None else []
         hypotheses = self._possible(view, kept)
-        scores = screen(view, self._cal.table, projector, hypotheses, self._dof)
+        scores = screen(view, self._cal.table, projector, hypotheses, self._fits.dof)
         if accepted is None:
             short = shortlist(scores, self._settings.candidates)
         else:
@@ -560,14 +451,14 @@ class Selector:
         passes = 3 if accepted is None else 2
         starts: list[Sequence[Score | Fitted]] = [[*kept, s] for s in short]
         tried: list[Sequence[Score | Fitted]] = [()] * len(found)
-        for start, fit in zip(starts, self._each_fitted(starts, passes, accepted)):
+        for start, fit in zip(starts, self._fits.each(starts, passes, accepted)):
             if fit.meaningful and (accepted is None or (beyond_tolerance(fit) and not at_bounds(fit.fitted[-1]))):
                 found, tried = self._lightened([*found, (fit, len(kept))], accepted), [*tried, start]
-        temper = self._common_temper(f for f, _ in found)
+        temper = self._fits.temper(f for f, _ in found)
         order = sorted(range(len(found)), key=lambda i: -found[i][0].log_likelihood(temper))
         if order and not found[order[0]][0].rows.shape[2]:
             # it was behind when its trajectory was given up: a common temper falls with further fits
-            found[order[0]] = self._fitted([tried[order[0]]], passes, accepted)[0], len(kept)
+            found[order[0]] = self._fits.one(tried[order[0]], passes, accepted), len(kept)
         candidates = [Candidate(f, f.log_likelihood(temper), i) for f, i in (found[n] for n in order)]
         candidates = [*candidates[:1], *map(self._without_trajectory, candidates[1:])]
         own = 1.0
@@ -575,7 +466,7 @@ class Selector:
             own = self._own_share(view, projector, scores, kept, candidates[0])
         reference = self._reference(accepted, temper)
         if accepted is not None and place is not None:
-            reference -= (accepted.misfit_without(place, self._blocks) - accepted.misfit) / (2.0 * temper)
+            reference -= (accepted.misfit_without(place, self._fits.blocks) - accepted.misfit) / (2.0 * temper)
         return Round(tuple(candidates), reference, temper, own)
 
     def _possible(self, view: RunView, kept: Sequence[Fitted]) -> list[Hypothesis]:
@@ -621,19 +512,6 @@ class Selector:
         alone = solve_signed(normal[n:, n:], right[n:], own_signs)[1]
         return float(np.clip((together - without) / max(alone, 1e-9), 0.0, 1.0))
 
-    def _residual_problem(self, accepted: FullFit | None, place: int | None = None) -> tuple[RunView, Regression]:
-        """Return view and regression with the columns of the accepted causes, that at ``place`` excepted, in the baseline."""
-        cal = self._cal
-        if accepted is None:
-            return cal.view, cal.regression
-        base = accepted.regression
-        skipped = accepted.part(place) if place is not None else slice(0, 0)
-        used = [
-            i for i in range(accepted.rows.shape[2])
-            if accepted.coefficients[base.count + i] != 0.0 and not skipped.start <= i < skipped.stop
-        ]
-        return accepted.view, base.extended(accepted.rows[:, :, used], accepted.means[:, used], _FREE)
-
     def _reference(self, accepted: FullFit | None, temper: float) -> float:
         if accepted is None:
             return -0.5 * (self.base_misfit / temper + self._base_penalty)
@@ -650,7 +528,7 @@ class Selector:
         if current.own * (best.log_likelihood - current.reference) < significance:
             return False
         before = self.base_misfit if accepted is None else accepted.misfit
-        floor = min(self._dof, best.fit.misfit)
+        floor = min(self._fits.dof, best.fit.misfit)
         removed = (before - best.fit.misfit) / max(before - floor, 1e-9)
         # what shows in mean readings and strained tolerances alone leaves no residual to be relevant in
         relieved = 0.5 * ((self._base_penalty if accepted is None else accepted.penalty) - best.fit.penalty)
@@ -680,12 +558,12 @@ class Selector:
     def _without_idle(self, fit: FullFit) -> FullFit:
         """Return the fit without hypotheses that the others make unnecessary (backward check)."""
         while len(fit.fitted) > 1:
-            temper = temper_of(fit.misfit / self._dof, fit.inefficiency)
+            temper = temper_of(fit.misfit / self._fits.dof, fit.inefficiency)
             # a fit along the trajectory of the full model is a lower bound of what the others reach on their own
             needed = 2.0 * temper * (_CLEARLY * self._settings.significance) + fit.misfit
-            drops = [i for i in range(len(fit.fitted)) if fit.misfit_without(i, self._blocks) <= needed]
+            drops = [i for i in range(len(fit.fitted)) if fit.misfit_without(i, self._fits.blocks) <= needed]
             rests = [[f for i, f in enumerate(fit.fitted) if i != drop] for drop in drops]
-            trials = self._fitted(rests, 2, fit)
+            trials = self._fits.all(rests, 2, fit)
             idle = [
                 t.log_likelihood(temper) + required_evidence(fit, drop, self._settings) for drop, t in zip(drops, trials)
             ]
@@ -694,23 +572,3 @@ class Selector:
             fit = trials[int(np.argmax(idle))]
         return fit
 
-    def _narrowed(self, fit: FullFit) -> FullFit:
-        """Return the fit with its last hypothesis at the mounts of a group that carry it where the others hardly matter.
-
-        Small laws at every mount soak up some of what the law of one mount, or of an axle, describes badly. All mounts are named
-        only where the others together remove a relevant share of what the hypothesis removes.
-        """
-        last = fit.fitted[-1]
-        if len(last.hypothesis.ports) < 2:
-            return fit
-        energy = dict(zip(last.hypothesis.ports, fit.port_energies(len(fit.fitted) - 1)))
-        carrying = [
-            h for h in self._build(fit.view)
-            if within(h, last.hypothesis) and sum(energy[p] for p in h.ports) > MOSTLY * sum(energy.values())
-        ]
-        removed = fit.misfit_without(len(fit.fitted) - 1, self._blocks) - fit.misfit
-        for h in sorted(carrying, key=lambda h: (len(h.ports), -sum(energy[p] for p in h.ports))):
-            fewer = self._fitted([[*fit.fitted[:-1], Score(h, last.shape, np.zeros(0), 0.0, 0.0)]], 2, fit)[0]
-            if fewer.misfit - fit.misfit < self._settings.relevance * removed:
-                return fewer
-        return fit
