@@ -285,3 +285,5 @@ def test_a_law_is_named_at_more_mounts_where_they_show_it_too_and_nothing_else_i
     answer = refinement.widened(fit_of(0.0, 3.4, 1.0, *own), contests)
     assert [f.hypothesis.location for f in answer.fitted] == found
     assert all(identity(f.hypothesis) in contests for f in answer.fitted)
+    # a cause without a contest of its own has none afterwards
+    assert [f.hypothesis.location for f in refinement.widened(fit_of(0.0, 3.4, 1.0, *own), {}).fitted] == found

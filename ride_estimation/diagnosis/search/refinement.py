@@ -104,7 +104,8 @@ class Refinement:
             clear = self._fits.explained(trial) or excess[1] < self._fits.settings.unexplained * excess[0]
             better = gain > self._fits.settings.significance and trial.held_out < accepted.held_out
             if clear and (better or (fewer and gain > -self._fits.settings.significance)):
-                contests[identity(wider)] = contests[own]
+                if own in contests:
+                    contests[identity(wider)] = contests[own]
                 accepted = trial
         return accepted
 
