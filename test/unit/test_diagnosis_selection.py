@@ -251,27 +251,31 @@ def test_a_fault_in_mean_readings_is_kept_beside_another_cause_on_the_evidence_i
 
 
 @pytest.mark.parametrize(
-    ("start", "gained", "misfit", "held_out", "found"),
+    ("start", "gained", "misfit", "held_out", "energy", "found"),
     [
-        ((("left", 0, 1),), 100.0, 1.0, 0.9, ["all"]),
-        ((("left", 0, 1),), 10.0, 1.0, 0.9, ["left"]),  # too little evidence
-        ((("left", 0, 1),), 100.0, 1.0, 1.1, ["left"]),  # predicts no better
-        ((("left", 0, 1),), 100.0, 2.0, 0.9, ["left"]),  # half remains: a law that is described badly
-        ((("left", 0, 1),), 100.0, 1.5, 0.9, ["all"]),
+        ((("left", 0, 1),), 100.0, 1.0, 0.9, 1.0, ["all"]),
+        ((("left", 0, 1),), 10.0, 1.0, 0.9, 1.0, ["left"]),  # too little evidence
+        ((("left", 0, 1),), 100.0, 1.0, 1.1, 1.0, ["left"]),  # predicts no better
+        ((("left", 0, 1),), 100.0, 2.0, 0.9, 1.0, ["left"]),  # half remains: a law that is described badly
+        ((("left", 0, 1),), 100.0, 1.5, 0.9, 1.0, ["all"]),
+        ((("left", 0, 1),), 100.0, 1.0, 0.9, 0.01, ["left"]),  # hardly any force at one of the further mounts
         # one law in place of two at the mounts that it covers
-        ((("left", 0, 1), ("right", 2, 3)), -10.0, 1.0, 1.1, ["all"]),
-        ((("left", 0, 1), ("right", 2, 3)), -20.0, 1.0, 0.9, ["left", "right"]),
+        ((("left", 0, 1), ("right", 2, 3)), -10.0, 1.0, 1.1, 1.0, ["all"]),
+        ((("left", 0, 1), ("right", 2, 3)), -20.0, 1.0, 0.9, 1.0, ["left", "right"]),
     ],
 )
-def test_a_law_is_named_at_more_mounts_where_they_show_it_too_and_nothing_else_is_left(start, gained, misfit, held_out, found):
+def test_a_law_is_named_at_more_mounts_where_they_show_it_too_and_nothing_else_is_left(
+    start, gained, misfit, held_out, energy, found
+):
     def sited(location: str, *ports: int) -> Hypothesis:
         return Hypothesis("viscoelasticity", location, "y", lambda view, shape: [], ports=ports)
 
     def fit_of(level: float, misfit: float, held_out: float, *hypotheses: Hypothesis) -> types.SimpleNamespace:
         fitted = tuple(types.SimpleNamespace(hypothesis=h, shape={}) for h in hypotheses)
         return types.SimpleNamespace(
-            fitted=fitted, misfit=misfit, log_likelihood=lambda temper: level, held_out=held_out, view=None
-        )
+            fitted=fitted, misfit=misfit, log_likelihood=lambda temper: level, held_out=held_out, view=None,
+            port_energies=lambda place: np.array([1.0, 1.0, 1.0, energy]),
+        )  # fmt: skip
 
     everywhere = sited("all", 0, 1, 2, 3)
     work = types.SimpleNamespace(

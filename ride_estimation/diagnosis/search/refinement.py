@@ -102,6 +102,9 @@ class Refinement:
             gain = trial.log_likelihood(temper) - accepted.log_likelihood(temper)
             excess = [max(fit.misfit - self._fits.dof, 0.0) for fit in (accepted, trial)]
             clear = self._fits.explained(trial) or excess[1] < self._fits.settings.unexplained * excess[0]
+            energy = trial.port_energies(len(others))
+            # what the form of the law at one mount leaves the others fit with hardly any force
+            clear &= bool(energy.min() > self._fits.settings.relevance * energy.mean())
             better = gain > self._fits.settings.significance and trial.held_out < accepted.held_out
             if clear and (better or (fewer and gain > -self._fits.settings.significance)):
                 if own in contests:
