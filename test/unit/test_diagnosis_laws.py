@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from diagnosis_runs import GRAVITY, MASS, SITE, quarter_car, quarter_car_run
 
+from ride_estimation.diagnosis.answer.gain import in_range
 from ride_estimation.diagnosis.answer.result import EXPLAINED, Gain, NamedCause, ValidationGain
 from ride_estimation.diagnosis.answer.verdict import describe
 from ride_estimation.diagnosis.causes.bump_stop import BumpStop, _hardening
@@ -160,6 +163,17 @@ def test_what_a_law_holds_below_the_band_stays_in_its_force():
         below = grid.below(got[:, None], flank=True)[:, 0]
         inner = slice(round(4.0 * rate), -round(4.0 * rate))
         assert np.std((below - wanted)[inner]) < 0.02 * np.std(wanted[inner])
+
+
+def test_of_no_blocks_none_lies_within_the_range_of_a_law():
+    """The laws of two rivals leave no block of a rougher run that both were fitted on."""
+    none = np.zeros(0, dtype=np.int64)
+    stop = Hypothesis("bump_stop", "strut", "z", lambda view, shape: [], ports=(0,))
+    data = SimpleNamespace(block_window=lambda blocks: np.ones(10))
+    view = SimpleNamespace(deflection=np.ones((10, 1)), blocks=SimpleNamespace(count=1), data=data)
+    accepted = SimpleNamespace(fitted=(SimpleNamespace(hypothesis=stop),), view=view)
+    assert in_range(accepted, view, np.arange(1)).tolist() == [0]
+    assert not len(in_range(accepted, view, none))
 
 
 def test_the_range_of_a_law_is_that_of_the_analysed_stretch():

@@ -196,7 +196,7 @@ def in_range(accepted: FullFit | None, view: RunView, blocks: IntArray) -> IntAr
 
     A stop that the other road hits twice as deep is the same stop, and what it does there no run has told.
     """
-    if accepted is None:
+    if accepted is None or not len(blocks):
         return blocks
     inside = np.ones(len(blocks), dtype=bool)
     for law, name in ((Law.ELASTIC, "deflection"), (Law.VISCOUS, "deflection_rate")):
