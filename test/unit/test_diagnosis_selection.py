@@ -284,7 +284,7 @@ def test_a_law_is_named_at_more_mounts_where_they_show_it_too_and_nothing_else_i
     )  # fmt: skip
     own = [sited(*place) for place in start]
     refinement = Refinement(work, lambda view: [*own, everywhere])
-    refinement._gain_at_others = lambda accepted, f, wider: 50.0
+    refinement._shown_at = lambda accepted, f, groups: everywhere
     contests = {identity(h): h.location for h in own}
     answer = refinement.widened(fit_of(0.0, 3.4, 1.0, *own), contests)
     assert [f.hypothesis.location for f in answer.fitted] == found

@@ -196,7 +196,7 @@ def in_range(accepted: FullFit | None, view: RunView, blocks: IntArray) -> IntAr
 
     A stop that the other road hits twice as deep is the same stop, and what it does there no run has told.
     """
-    if accepted is None or not len(blocks):
+    if accepted is None:
         return blocks
     inside = np.ones(len(blocks), dtype=bool)
     for law, name in ((Law.ELASTIC, "deflection"), (Law.VISCOUS, "deflection_rate")):
@@ -219,7 +219,8 @@ def _extremes(view: RunView, signals: Array, blocks: IntArray) -> tuple[Array, A
     parts = [signals[view.data.block_window(blocks[i : i + 1]) > 0.0] for i in range(len(blocks))]
     # both scatter about zero, which stands for blocks without samples
     least, most = ([f(part, axis=0, initial=0.0) for part in parts] for f in (np.min, np.max))
-    return np.array(least), np.array(most)
+    shape = len(blocks), signals.shape[1]
+    return np.reshape(least, shape), np.reshape(most, shape)
 
 
 def remaining_energy(work: Work, base: Prediction, gain: Gain) -> tuple[float, float]:

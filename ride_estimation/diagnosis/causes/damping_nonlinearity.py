@@ -46,10 +46,9 @@ class DampingNonlinearity(Cause):
         out: list[Reported] = []
         for i, p in enumerate(group.ports):
             v_rms = view.scales[p][1]
-            label = group.label(view, p)
+            label, part = group.label(view, p), fitted.part(i)
             for name, u in (("extension 0.5 rms", 0.5), ("extension 2 rms", 2.0), ("compression 2 rms", -2.0)):
                 weights = np.array([form.item() for form in characteristic_forms(np.array([u]), fitted.shape, over_rate=True)])
-                part = slice(len(weights) * i, len(weights) * (i + 1))
                 force = float(view.state.damping[p] * u * v_rms + weights @ fitted.coefficients[part])
                 std = float(np.sqrt(max(weights @ fitted.covariance[part, part] @ weights, 0.0) + FORM * force**2))
                 out.append(Reported(f"damping force at {name} rate{label}", force, std, "N"))
@@ -64,10 +63,10 @@ class DampingNonlinearity(Cause):
             port = view.plant.ports[p]
             v = view.strokes[1][:, p]
             v_rms = view.scales[p][1]
+            weights = fitted.coefficients[fitted.part(i)]
 
-            def curve(rate: Array, place: int = i, scale: float = v_rms) -> Array:
-                forms = np.stack(characteristic_forms(rate / scale, fitted.shape, over_rate=True))
-                return np.asarray(fitted.coefficients[len(forms) * place : len(forms) * (place + 1)] @ forms)
+            def curve(rate: Array, weights: Array = weights, scale: float = v_rms) -> Array:
+                return np.asarray(weights @ np.stack(characteristic_forms(rate / scale, fitted.shape, over_rate=True)))
 
             vehicle, note = add_damper_curve(vehicle, port.mount, port.axis, v, curve, float(view.state.damping[p]))
             notes += note

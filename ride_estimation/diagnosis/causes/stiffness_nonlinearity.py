@@ -45,7 +45,7 @@ class StiffnessNonlinearity(Cause):
         group = group_of(view, fitted)
         out: list[Reported] = []
         for i, p in enumerate(group.ports):
-            x_rms = view.scales[p][0]
+            x_rms, part = view.scales[p][0], fitted.part(i)
             label = group.label(view, p)
             slope = float(view.state.stiffness[p])
             std = 0.0
@@ -55,7 +55,6 @@ class StiffnessNonlinearity(Cause):
                 near = np.array([u - step, u + step])
                 units = characteristic_forms(near, fitted.shape, over_rate=False)
                 weights = np.array([float(np.diff(unit)[0]) / (2.0 * step) for unit in units]) / x_rms
-                part = slice(len(units) * i, len(units) * (i + 1))
                 changes.append(float(weights @ fitted.coefficients[part]))
                 if u == 2.0:
                     cov = fitted.covariance[part, part]
@@ -77,6 +76,6 @@ class StiffnessNonlinearity(Cause):
             x_rms = view.scales[p][0]
             grid = np.linspace(x.min(), x.max(), 41)
             forms = np.stack(characteristic_forms(grid / x_rms, fitted.shape, over_rate=False))
-            force = fitted.coefficients[len(forms) * i : len(forms) * (i + 1)] @ forms
+            force = fitted.coefficients[fitted.part(i)] @ forms
             vehicle = add_force_table(vehicle, port.mount, port.axis, grid, force)
         return vehicle, ()

@@ -178,6 +178,11 @@ class Fitted:
     shape: Shapes
     shape_std: Shapes = dataclasses.field(default_factory=dict)
 
+    def part(self, place: int) -> slice:
+        """Return which coefficients belong to one of the ports of the hypothesis."""
+        count = len(self.coefficients) // len(self.hypothesis.ports)
+        return slice(count * place, count * (place + 1))
+
     def std(self, index: int) -> float:
         """Return the standard deviation of one coefficient."""
         return float(np.sqrt(max(self.covariance[index, index], 0.0)))

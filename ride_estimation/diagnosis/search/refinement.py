@@ -87,15 +87,12 @@ class Refinement:
             if f is None or not f.hypothesis.ports or self._fits.spent:
                 continue
             groups = [h for h in self._build(accepted.view) if within(f.hypothesis, h)]
-            rest = [[o for o in accepted.fitted if o is not f and not within(o.hypothesis, h)] for h in groups]
-            gains = [
-                np.inf if len(others) + 1 < len(accepted.fitted) else self._gain_at_others(accepted, f, h)
-                for h, others in zip(groups, rest)
-            ]
-            if max(gains, default=0.0) < self._fits.settings.significance:
+            covered = [h for h in groups if any(o is not f and within(o.hypothesis, h) for o in accepted.fitted)]
+            # likely mounts are found by score tests: nothing is fitted where none of them shows the law
+            wider = covered[0] if covered else self._shown_at(accepted, f, groups)
+            if wider is None:
                 continue
-            wider, others = max(zip(groups, rest, gains), key=lambda item: item[2])[:2]
-            fewer = len(others) + 1 < len(accepted.fitted)
+            others = [o for o in accepted.fitted if o is not f and not within(o.hypothesis, wider)]
             new = Score(_of_any_form(wider) if CORNERS in f.shape else wider, f.shape, np.zeros(0), 0.0, 0.0)
             trial = self._fits.one([*others, new], 3, accepted)
             temper = self._fits.temper([accepted, trial])
@@ -106,23 +103,31 @@ class Refinement:
             # what the form of the law at one mount leaves the others fit with hardly any force
             clear &= bool(energy.min() > self._fits.settings.relevance * energy.mean())
             better = gain > self._fits.settings.significance and trial.held_out < accepted.held_out
-            if clear and (better or (fewer and gain > -self._fits.settings.significance)):
+            if clear and (better or (covered and gain > -self._fits.settings.significance)):
                 if own in contests:
                     contests[identity(wider)] = contests[own]
                 accepted = trial
         return accepted
 
-    def _gain_at_others(self, accepted: FullFit, f: Fitted, wider: Hypothesis) -> float:
-        """Return what an accepted law gains in penalised log-likelihood at the other mounts of a group, by a score test [nat]."""
+    def _shown_at(self, accepted: FullFit, f: Fitted, groups: Sequence[Hypothesis]) -> Hypothesis | None:
+        """Return the group at whose other mounts an accepted law gains most by a score test, None where it gains too little."""
         view, regression = self._fits.residual_problem(accepted)
-        columns = wider.columns(view, f.shape)
-        per_port = len(columns) // len(wider.ports)
-        places = [i for i, p in enumerate(wider.ports) if p not in f.hypothesis.ports]
-        further = [c for i in places for c in columns[per_port * i : per_port * (i + 1)]]
         projector = Projector(regression, self._fits.blocks)
-        normal, right = projector.reduce(view.push(further, single=True), mean_rows(self._fits.calibrated.table, further))
-        drop = solve_signed(normal, right, wider.column_signs(len(further)))[1]
-        return 0.5 * drop / regression.temper - price(wider, len(further), self._fits.dof, 1) + price(wider, 0, self._fits.dof, 1)
+
+        def gain(wider: Hypothesis) -> float:
+            columns = wider.columns(view, f.shape)
+            per_port = len(columns) // len(wider.ports)
+            places = [i for i, p in enumerate(wider.ports) if p not in f.hypothesis.ports]
+            further = [c for i in places for c in columns[per_port * i : per_port * (i + 1)]]
+            normal, right = projector.reduce(view.push(further, single=True), mean_rows(self._fits.calibrated.table, further))
+            drop = solve_signed(normal, right, wider.column_signs(len(further)))[1]
+            cost = price(wider, len(further), self._fits.dof, 1) - price(wider, 0, self._fits.dof, 1)
+            return 0.5 * drop / regression.temper - cost
+
+        gains = [gain(h) for h in groups]
+        if max(gains, default=0.0) < self._fits.settings.significance:
+            return None
+        return groups[int(np.argmax(gains))]
 
     def converged(self, accepted: FullFit) -> FullFit:
         """Return accepted causes after more passes where they leave much and every round of passes leaves less.
