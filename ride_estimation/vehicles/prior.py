@@ -11,6 +11,9 @@ from ride_estimation.vehicles.vehicle import Prior
 STIFFNESS_LOG_STD, DAMPING_LOG_STD = 0.3, 0.5
 #: of the CG [m], and of the moments of inertia over their size [-]: a CAD model, or a swing test
 CG_STD, INERTIA_STD = 0.01, 0.05
+#: share of the twist of a frame that a bracket follows, and its standard deviation [-]: on a cross member it rolls with it, on a
+#: rail it pitches with it
+TWIST_SHARE, TWIST_SHARE_STD = 0.6, 0.6
 
 
 def log_std(prior: Prior | None, value: float, usual: float) -> float:

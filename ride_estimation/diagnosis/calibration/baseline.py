@@ -24,9 +24,6 @@ ComplexArray = NDArray[np.complex128]
 SingleArray = NDArray[np.float32]
 
 
-#: a frame is rigid or rests on a rig that only translates; what its members do in a twist is anybody's guess
-_TILT_STD = {"tilt": 0.5, "twist": 1.0}
-TILT_KINDS = frozenset(_TILT_STD)
 #: errors of single sensors
 OF_SENSORS = ("gain", "misalignment", "position", "delay", "bandwidth")
 _BATCH = 32  # columns whitened at once: transforms of all of them together take half a gigabyte for a minute
@@ -273,10 +270,11 @@ def _axes_columns(view: RunView) -> Iterator[tuple[Adjustable, ComplexArray]]:
 
 
 def _tilt_columns(view: RunView) -> Iterator[tuple[Adjustable, ComplexArray]]:
-    """Yield how much of every possible tilt the brackets really follow, all of it where nothing speaks against."""
+    """Yield how much of every possible tilt the brackets really follow."""
     plant = view.plant
     for tilt, share in zip(plant.tilts, plant.tilt_share):
-        item = Adjustable(tilt.kind, tilt.place, tilt.axis, _TILT_STD[tilt.kind], 1.0 - float(share))
+        usual, std = tilt.usual
+        item = Adjustable(tilt.kind, tilt.place, tilt.axis, std, usual - float(share))
         yield item, tilt_spectrum(plant, view.response, tilt.slope, view.data.input_spectrum)
 
 

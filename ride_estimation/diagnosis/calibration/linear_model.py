@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ride_estimation.diagnosis.calibration.baseline import (
-    TILT_KINDS,
     Adjustable,
     MeanTable,
     baseline_columns,
@@ -20,6 +19,7 @@ from ride_estimation.diagnosis.calibration.baseline import (
 )
 from ride_estimation.diagnosis.calibration.regression import Fit, Regression
 from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.model.bracket_tilts import TILT_KINDS
 from ride_estimation.diagnosis.model.plant import Plant, build_plant
 from ride_estimation.diagnosis.runs.model_run import ModelState
 from ride_estimation.diagnosis.runs.noise import temper_of
@@ -381,7 +381,7 @@ def moved_plant(
 def seen_from(plant: Plant, adjustables: Sequence[Adjustable]) -> tuple[Adjustable, ...]:
     """Return adjustables with their offsets from the errors that a plant holds already."""
     errors = {**plant.reading_errors, **plant.body_errors}
-    tilts = {(t.kind, t.place, t.axis): 1.0 - float(share) for t, share in zip(plant.tilts, plant.tilt_share)}
+    tilts = {(t.kind, t.place, t.axis): t.usual[0] - float(share) for t, share in zip(plant.tilts, plant.tilt_share)}
     out = []
     for a in adjustables:
         key = (a.kind, a.place, a.axis)

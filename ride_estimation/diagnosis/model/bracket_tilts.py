@@ -9,7 +9,13 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.vehicles.prior import TWIST_SHARE, TWIST_SHARE_STD
+
 Array = NDArray[np.float64]
+
+#: a frame is rigid or rests on a rig that only translates; its twist is that of the estimator
+_USUAL = {"tilt": (1.0, 0.5), "twist": (TWIST_SHARE, TWIST_SHARE_STD)}
+TILT_KINDS = frozenset(_USUAL)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,6 +40,11 @@ class BracketTilt:
     place: str
     axis: str
     slope: Array
+
+    @property
+    def usual(self) -> tuple[float, float]:
+        """Return by what share of it brackets follow this tilt where nothing is known, and its standard deviation [-]."""
+        return _USUAL[self.kind]
 
 
 def bracket_tilts(mounts: tuple[str, ...], rigid: Array, twist: Array) -> tuple[BracketTilt, ...]:

@@ -83,9 +83,12 @@ class LinearResponse:
 
     @functools.cached_property
     def output_from_input(self) -> ComplexArray:
-        """Return the outputs from the measured inputs, shape (F, ny, nu); every error of a base sensor asks for them."""
+        """Return the outputs from the measured inputs, shape (F, ny, nu); every error of a base sensor asks for them.
+
+        Static loads turn with their brackets, whose tilt the inputs show.
+        """
         base = self.base_from_input
-        return self.outputs(self.coordinate_from_base @ base, base)
+        return self.outputs(self.coordinates(base, self.plant.static_tilt() * self.twice_integrated), base)
 
     @property
     def output_from_port(self) -> ComplexArray:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.calibration.baseline import (
-    TILT_KINDS,
     Adjustable,
     balanced_columns,
     faulty_rows,
@@ -35,6 +34,7 @@ from ride_estimation.diagnosis.common.effect import Column, Effect, Where, combi
 from ride_estimation.diagnosis.common.splits import Splits
 from ride_estimation.diagnosis.hypotheses.body_wrench import cg_column
 from ride_estimation.diagnosis.hypotheses.hypothesis import Fitted, Hypothesis, Shapes
+from ride_estimation.diagnosis.model.bracket_tilts import TILT_KINDS
 from ride_estimation.diagnosis.model.plant import Plant
 from ride_estimation.diagnosis.runs.model_run import ModelState
 from ride_estimation.diagnosis.runs.noise import temper_of

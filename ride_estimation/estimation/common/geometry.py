@@ -17,6 +17,7 @@ from ride_estimation.sensors.installation import pooled
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.vehicles.assembly import assemble
 from ride_estimation.vehicles.modes import unheld_motions
+from ride_estimation.vehicles.prior import TWIST_SHARE
 from ride_estimation.vehicles.vehicle import Body, Mount, Vehicle
 
 Array = NDArray[np.float64]
@@ -29,7 +30,7 @@ LEAST_SPREAD = 0.2
 #: largest cosine of a body axis and a sensor axis that is not measured
 _ASKEW = 0.1
 #: how brackets follow the twist of their frame until it is known, alike in roll and pitch, see :func:`relative_tilt_maps`
-USUAL_SHARES = np.array([0.6, 0.0, 0.6, 0.0])
+USUAL_SHARES = np.array([TWIST_SHARE, 0.0, TWIST_SHARE, 0.0])
 
 
 @dataclasses.dataclass(frozen=True)

@@ -19,14 +19,14 @@ from ride_estimation.estimation.model.load import Load, static_with_load
 from ride_estimation.estimation.model.states import FastStates, SlowStates, reading_width, slow_states
 from ride_estimation.frames import AXES, point_motion_matrix
 from ride_estimation.sensors.sensor import Sensor
-from ride_estimation.vehicles.prior import CG_STD, DAMPING_LOG_STD, INERTIA_STD, STIFFNESS_LOG_STD, log_std
+from ride_estimation.vehicles.prior import CG_STD, DAMPING_LOG_STD, INERTIA_STD, STIFFNESS_LOG_STD, TWIST_SHARE_STD, log_std
 from ride_estimation.vehicles.tangent import tangent
 from ride_estimation.vehicles.vehicle import Mount, Vehicle
 
 Array = NDArray[np.float64]
 
-#: standard deviation of shares and shifts of bracket tilt [-, m]: brackets follow the twist of a frame about half way
-_SHARES_STD = np.array([0.6, 0.15, 0.6, 0.15])
+#: standard deviation of shares and shifts of bracket tilt [-, m]
+_SHARES_STD = np.array([TWIST_SHARE_STD, 0.15, TWIST_SHARE_STD, 0.15])
 #: triaxial accelerometers on a body that its motion needs
 _LEAST_SENSORS = 3
 #: length of a projected unit vector below which it depends on those before
