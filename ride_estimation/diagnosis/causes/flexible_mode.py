@@ -163,9 +163,13 @@ def _port_forces(view: RunView) -> ComplexArray:
 
 def _modal(view: RunView, frequency_hz: float, ratio: float) -> ComplexArray:
     """Return the acceleration of a unit mode driven by every port force, shape (F, P)."""
-    omega = view.grid.omega[:, None]
+    return _gain(view.grid.omega, frequency_hz, ratio)[:, None] * _port_forces(view)
+
+
+def _gain(omega: Array, frequency_hz: float, ratio: float) -> ComplexArray:
+    """Return the acceleration of a unit mode over the force that drives it, shape (F,)."""
     w0 = 2.0 * np.pi * frequency_hz
-    return np.asarray(-(omega**2) / (w0**2 - omega**2 + 2j * ratio * w0 * omega) * _port_forces(view))
+    return np.asarray(-(omega**2) / (w0**2 - omega**2 + 2j * ratio * w0 * omega))
 
 
 def _reaction(view: RunView, modal: ComplexArray, weights: Array) -> Column:
@@ -226,34 +230,44 @@ def _resonance(view: RunView, rows: list[int], peak_hz: float, around: float) ->
     no weights fit it. The weights are in units of this run's modal acceleration: on another road the same mode is driven harder
     or less.
     """
+    near = np.abs(view.grid.frequency - peak_hz) < around * peak_hz
+    omega, forces, residual = view.grid.omega[near], _port_forces(view)[near], view.residual_spectrum[near][:, rows]
+    target = np.vstack([residual.real, residual.imag])
+    pattern = np.linalg.eigh(target.T @ target)[1][:, -1]
+
+    def drive(trial: tuple[float, float]) -> tuple[Array, float]:
+        return _drive_weights(_gain(omega, *trial)[:, None] * forces, target, pattern)
+
     trials = [(peak_hz * s, z) for z in _RATIOS for s in np.geomspace(1.0 / _REACH, _REACH, _TRIALS)]
-    frequency, ratio = min(trials, key=lambda t: _drive_weights(view, rows, peak_hz, around, *t)[1])
-    weights = _drive_weights(view, rows, peak_hz, around, frequency, ratio)[0]
+    frequency, ratio = min(trials, key=lambda trial: drive(trial)[1])
+    weights = drive((frequency, ratio))[0]
     size = float(np.std(view.grid.signal(_modal(view, frequency, ratio) @ weights)))
     return frequency, ratio, np.asarray(weights / max(size, 1e-300))
 
 
-def _drive_weights(
-    view: RunView, rows: list[int], peak_hz: float, around: float, frequency_hz: float, ratio: float
-) -> tuple[Array, float]:
+def _drive_weights(modal: ComplexArray, target: Array, pattern: Array) -> tuple[Array, float]:
     """Return how much every port drives a mode and the share of the residual around a peak that it leaves.
 
     Alternating least squares of the pattern in the channels and of the drive.
+
+    Parameters
+    ----------
+    modal
+        Acceleration of a unit mode driven by every port force around the peak, shape (F, P).
+    target
+        Real and imaginary part of the residual there, shape (2 F, C).
+    pattern
+        What to begin with, shape (C,).
     """
-    near = np.abs(view.grid.frequency - peak_hz) < around * peak_hz
-    residual = view.residual_spectrum[near][:, rows]
-    modal = _modal(view, frequency_hz, ratio)[near]
     scale = np.sqrt(np.mean(np.abs(modal) ** 2, axis=0)) + 1e-300
-    stacked = np.vstack([(modal / scale).real, (modal / scale).imag])
-    target = np.vstack([residual.real, residual.imag])
-    _, vectors = np.linalg.eigh(target.T @ target)
-    pattern = vectors[:, -1]
+    stacked = np.vstack([modal.real, modal.imag]) / scale
     normal = stacked.T @ stacked
     normal += 1e-3 * np.trace(normal) / len(normal) * np.eye(len(normal))
+    towards = np.linalg.solve(normal, stacked.T @ target)
     weights = np.zeros(stacked.shape[1])
     left = 1.0
     for _ in range(6):
-        weights = np.linalg.solve(normal, stacked.T @ (target @ pattern)) / max(float(pattern @ pattern), 1e-300)
+        weights = towards @ pattern / max(float(pattern @ pattern), 1e-300)
         drive = stacked @ weights
         pattern = target.T @ drive / max(float(drive @ drive), 1e-300)
         left = 1.0 - float(pattern @ pattern) * float(drive @ drive) / max(float(np.sum(target**2)), 1e-300)
