@@ -47,6 +47,9 @@ _OWN, _MINOR = 0.5, 0.02
 _LEAST = 0.01
 #: standard deviations by which a plant may be from the installation that the accepted causes leave
 _BENT = 0.5
+#: share of the best score of a round from which a hypothesis is a rival of the cause that it names: without (with) it the hidden
+#: damper and friction of `confusion_matrix.py --pairs 12 --installation 1 --first-seed 1000000` take 123 (@@) s of processor time
+_RIVAL = 0.02
 #: log odds for a fault that shows in mean readings alone [nat]: a thousand to one, for two dozen channels are asked; no model of
 #: anything that moves errs there. Offset and gain of an axis at three standard deviations each stay below
 _IN_MEANS = 7.0
@@ -115,12 +118,15 @@ class Round:
     own
         Share of the evidence for the best candidate that stays when everything else the library can say about the places of
         the other causes is in the model as well.
+    rivals
+        Hypotheses that a score test gave a share of what it gave the best one; all where None.
     """
 
     candidates: tuple[Candidate, ...]
     reference: float
     temper: float
     own: float = 1.0
+    rivals: frozenset[Identity] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -412,7 +418,8 @@ class Selector:
             place = next((i for i, f in enumerate(accepted.fitted) if identity(f.hypothesis) == wanted), None)
             if place is None:
                 continue
-            current = self._round(accepted, place)
+            known = contests.get(wanted)
+            current = self._round(accepted, place, None if known is None else known.rivals)
             record, best = self._recorded(current), current.candidates[0]
             contests[identity(best.hypothesis)] = record
             if best.fit is not accepted:
@@ -433,13 +440,18 @@ class Selector:
         return left < _MINOR or accepted.misfit < self._fits.dof * (1.0 + 3.0 * np.sqrt(2.0 / self._fits.dof))
 
     # ------------------------------------------------------------------ one round
-    def _round(self, accepted: FullFit | None, place: int | None = None) -> Round:
-        """Compare candidates for a further cause, or with ``place`` for that of one accepted cause."""
+    def _round(
+        self, accepted: FullFit | None, place: int | None = None, rivals: frozenset[Identity] | None = None
+    ) -> Round:
+        """Compare candidates for a further cause, or with ``place`` for that of one accepted cause among its ``rivals``."""
         view, regression = self._fits.residual_problem(accepted, place)
         projector = Projector(regression, self._fits.blocks)
         kept = [f for i, f in enumerate(accepted.fitted) if i != place] if accepted is not None else []
-        hypotheses = self._possible(view, kept)
+        hypotheses = [h for h in self._possible(view, kept) if rivals is None or identity(h) in rivals]
         scores = screen(view, self._cal.table, projector, hypotheses, self._fits.dof)
+        if rivals is None:
+            leading = max((s.gain for s in scores), default=0.0)
+            rivals = frozenset(identity(s.hypothesis) for s in scores if s.gain > _RIVAL * leading)
         if accepted is None:
             short = shortlist(scores, self._settings.candidates)
         else:
@@ -462,12 +474,12 @@ class Selector:
         candidates = [Candidate(f, f.log_likelihood(temper), i) for f, i in (found[n] for n in order)]
         candidates = [*candidates[:1], *map(self._without_trajectory, candidates[1:])]
         own = 1.0
-        if candidates and kept:
+        if candidates and kept and place is None:
             own = self._own_share(view, projector, scores, kept, candidates[0])
         reference = self._reference(accepted, temper)
         if accepted is not None and place is not None:
             reference -= (accepted.misfit_without(place, self._fits.blocks) - accepted.misfit) / (2.0 * temper)
-        return Round(tuple(candidates), reference, temper, own)
+        return Round(tuple(candidates), reference, temper, own, rivals)
 
     def _possible(self, view: RunView, kept: Sequence[Fitted]) -> list[Hypothesis]:
         """Return the hypotheses that may join accepted ones: a load that nothing weighs if the CG is off beyond its limit."""
