@@ -104,6 +104,7 @@ def _without_tilt(original: Callable[..., None]) -> Callable[..., None]:
 def _mechanisms() -> dict[str, Mechanism]:
     from ride_estimation.estimation.forces.mount_forces import MountForceEstimator
     from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
+    from ride_estimation.estimation.model.run_forces import RunForces
     from ride_estimation.estimation.model.segment_ends import Ends
     from ride_estimation.estimation.numerical_guard import NUMERICAL_FAULT
 
@@ -148,7 +149,8 @@ def _mechanisms() -> dict[str, Mechanism]:
             "faults.late_sensors", "LateSensors.find", returns(False), "puts readings back by a delay that the tests found"
         ),
         "model of the whole run": Mechanism(
-            "offline", "run_forces", returns("switched off"), "smoothed forces by the model, with the sensors' errors estimated"
+            "offline", "run_forces", returns(RunForces(refused="switched off")),
+            "smoothed forces by the model, with the sensors' errors estimated",
         ),
         "force beside a law": Mechanism(
             "model.joint", "JointEstimate._free_force", returns(False),
@@ -185,10 +187,6 @@ def _mechanisms() -> dict[str, Mechanism]:
         ),
         "covariance of a placed load": Mechanism(
             "forces.mount_forces", "MountForceEstimator._placed_load", returns(zero6), "a load lies anywhere between the mounts"
-        ),
-        "travel of a load": Mechanism(
-            "smoothing.smoothed_forces", "_SmoothedForces._rest", MountForceEstimator._rest,
-            "what transducers show of a load counts once in smoothed forces",
         ),
         "covariance of a misread base": Mechanism(
             "parameters.parameter_estimator", "ParameterEstimator.misread_variance",

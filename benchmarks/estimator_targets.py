@@ -37,10 +37,9 @@ from worlds.vehicle_text import Belief  # noqa: E402
 from ride_estimation.estimation import offline  # noqa: E402
 from ride_estimation.estimation.kinematics.deformation_filter import FilterBank  # noqa: E402
 from ride_estimation.estimation.model.drive_calibration import calibrate_drive  # noqa: E402
-from ride_estimation.estimation.model.run_forces import RunForces  # noqa: E402
+from ride_estimation.estimation.model.smoothed_forces import Doubts, SmoothedForces, smoothed_forces  # noqa: E402
 from ride_estimation.estimation.output import OutputBlock  # noqa: E402
 from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
-from ride_estimation.estimation.smoothing.smoothed_forces import SIGNALS, SmoothedForces, SmootherRecorder, second_pass  # noqa: E402
 from ride_estimation.sensors.installation import USUAL  # noqa: E402
 from ride_estimation.vehicles.vehicle import Vehicle  # noqa: E402
 
@@ -63,21 +62,16 @@ def joined(blocks: list[OutputBlock], name: str) -> np.ndarray:
     return np.concatenate([getattr(b, name) for b in blocks])
 
 
-def looked_back(pipeline: Pipeline, blocks: list[OutputBlock], data: Measurement) -> tuple[SmoothedForces, SmoothedForces]:
-    """Return the smoothed forces of a finished run, as ``replay`` computes them, and without the model of the whole run."""
-    recorder = SmootherRecorder(pipeline.geometry)
-    for block in blocks:
-        recorder.take(block)
-    signals = {name: joined(blocks, name) for name in SIGNALS}
-    memory, online = pipeline.settings.parameter_memory, (pipeline.parameters(), pipeline.amplitude_std())
-    found = [
-        second_pass(recorder, signals, pipeline.tilting, memory, model, *online)
-        for model in (offline.run_forces(recording(data), pipeline.geometry.vehicle), RunForces(refused="not wanted"))
-    ]
-    for one in found:
-        if isinstance(one, str):
-            raise SystemExit(one)
-    return found[0], found[1]
+def smoothed(pipeline: Pipeline, blocks: list[OutputBlock], data: Measurement) -> SmoothedForces:
+    """Return the smoothed forces of a finished run, as ``replay`` computes them, else the live ones."""
+    ticks = [len(b.stamp_ns) for b in blocks]
+    doubts = Doubts(*(np.repeat([getattr(b, name) for b in blocks], ticks) for name in ("lacking", "loaded", "misread")))
+    signals = {name: joined(blocks, name) for name in ("stamp_ns", "mount_force", "mount_force_std", "mount_deflection")}
+    model = offline.run_forces(recording(data), pipeline.geometry.vehicle)
+    found = smoothed_forces(signals, doubts, model, pipeline.parameters(), pipeline.amplitude_std())
+    if isinstance(found, str):
+        return SmoothedForces(signals["mount_force"], signals["mount_force_std"], signals["mount_deflection"], 0.0)
+    return found
 
 
 def ticks_of(blocks: list[OutputBlock], data: Measurement) -> tuple[np.ndarray, np.ndarray]:
@@ -197,16 +191,14 @@ def judge_drive(
     rows.setdefault("apart vertical", []).extend(apart[:, 2])
     rows.setdefault("force horizontal", []).extend(score[:, :2].ravel())
     rows.setdefault("force vertical", []).extend(score[:, 2])
-    later, alone = looked_back(pipeline, blocks, data)
-    rows.setdefault("model share", []).append(later.model_share)
-    alone_score = np.sqrt(np.mean((alone.force[good][late] - true) ** 2, axis=0)) / np.std(true, axis=0)
+    later = smoothed(pipeline, blocks, data)
+    rows.setdefault("model share", []).append(later.share)
     error = later.force[good][late] - true
     later_score = np.sqrt(np.mean(error**2, axis=0)) / np.std(true, axis=0)
     held = np.mean(np.abs(error) < 2.0 * later.std[good][late], axis=0)
     for axis, part in (("horizontal", slice(0, 2)), ("vertical", slice(2, 3))):
         rows.setdefault(f"later {axis}", []).extend(later_score[:, part].ravel())
         rows.setdefault(f"later inside {axis}", []).extend(held[:, part].ravel())
-        rows.setdefault(f"alone {axis}", []).extend(alone_score[:, part].ravel())
         for path, own_error, own_std in (("live", force - true, std), ("later", error, later.std[good][late])):
             ratio = np.sqrt(np.mean(own_std[..., part] ** 2, axis=0) / np.mean(own_error[..., part] ** 2, axis=0))
             rows.setdefault(f"{path} {axis} std over error", []).extend(ratio.ravel())
@@ -232,11 +224,12 @@ def nominal(
             rows.setdefault(f"least {when}", []).extend(least.ravel())
         stiffness, force = (100 * max(rows[f"{what} vertical"][-4:]) for what in ("k", "force"))
         mounts = 4
-        sideways = [100 * np.mean(rows[f"{what} horizontal"][-2 * mounts :]) for what in ("later", "alone")]
-        upright = [100 * np.mean(rows[f"{what} vertical"][-mounts:]) for what in ("later", "alone")]
+        sideways, upright = (
+            100 * np.mean(rows[f"later {axis}"][-count * mounts :]) for axis, count in (("horizontal", 2), ("vertical", 1))
+        )
         print(
-            f"  seed {seed}: kz {stiffness:.2f} %, force z {force:.1f} %; smoothed (without the model) sideways "
-            f"{sideways[0]:.1f} ({sideways[1]:.1f}) %, vertical {upright[0]:.1f} ({upright[1]:.1f}) %", file=sys.stderr,
+            f"  seed {seed}: kz {stiffness:.2f} %, force z {force:.1f} %; smoothed sideways {sideways:.1f} %, "
+            f"vertical {upright:.1f} %", file=sys.stderr,
         )  # fmt: skip
     return rows
 
@@ -330,7 +323,6 @@ def table(rows: dict[str, list], mass: dict[str, list], change: list[float]) -> 
             f"{target} %",
             f"{np.median(scores):.1f} % ({np.percentile(scores, 95):.1f} %)",
         )
-        line("the same without the model of the whole run", "-", f"{100 * np.median(rows[f'alone {axis}']):.1f} %")
         line(f"force {axis} smoothed, inside 2 sigma", "92 to 98 %", f"{100 * np.mean(rows[f'later inside {axis}']):.1f} %")
         line(f"force {axis} smoothed, std over error", "1 to 1.3", f"{np.median(rows[f'later {axis} std over error']):.1f}")
     line("share of the model of the whole run", "-", f"{100 * np.mean(rows['model share']):.0f} %")

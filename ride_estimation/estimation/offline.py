@@ -16,9 +16,9 @@ from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.common.estimate import Estimate, best_of
 from ride_estimation.estimation.faults.health import Health
 from ride_estimation.estimation.model.run_forces import RunForces, run_forces
+from ride_estimation.estimation.model.smoothed_forces import Doubts, SmoothedForces, smoothed_forces
 from ride_estimation.estimation.output import REPORT_PERIOD_S, OutputBlock, ReportSchedule, Ticks
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.smoothing.smoothed_forces import SIGNALS, SmoothedForces, SmootherRecorder, second_pass
 from ride_estimation.signals.recording import Recording
 
 Array = NDArray[np.float64]
@@ -160,19 +160,15 @@ class OfflineRun:
         """Return what the forces of the run are."""
         if isinstance(self.smoothed, str):
             return f"causal forces, as published live; not smoothed: {self.smoothed}"
-        rest = 100.0 * (1.0 - self.smoothed.share) * (1.0 - self.smoothed.model_share)
-        live = f"the live estimate is used for {rest:.0f} % of it (ends of the run, near gaps, where its stated error is smaller)"
-        words = ["smoothed forces: deflections and parameters from the whole run, before and after every instant"]
-        return "; ".join([*words, *([live] if rest >= 0.5 else []), self._model_in_words()])
-
-    def _model_in_words(self) -> str:
-        assert not isinstance(self.smoothed, str)
-        share, reason = self.smoothed.model_share, self.smoothed.not_modelled
+        share, reason = self.smoothed.share, self.smoothed.not_modelled
         if not share:
-            return f"not by the model of the whole run: {reason or 'sensors lost or suspect, or a load'}"
+            return f"causal forces, as published live; not smoothed: {reason or 'sensors lost or suspect, or a load'}"
         part = f"horizontal forces ({reason})" if reason else "forces"
         found = f" ({'; '.join(self.smoothed.findings)})" if self.smoothed.findings else ""
-        return f"{100.0 * share:.0f} % of the {part} by one model with the sensors' errors estimated from the whole run{found}"
+        return (
+            f"smoothed forces: {100.0 * share:.0f} % of the {part} by one model of the whole run, with the errors of the sensors"
+            f"{found}; the rest as published live"
+        )
 
     @property
     def time_s(self) -> Array:
@@ -223,18 +219,17 @@ def run_offline(
     InputDataError
         The run is too short to give a single tick.
     """
-    recorder = SmootherRecorder(pipeline.geometry, "" if smoothing else SWITCHED_OFF)
-    if recorder.reason:
-        return _run(recording, pipeline, on_progress, recorder, RunForces, on_stage)
+    if not smoothing:
+        return _run(recording, pipeline, on_progress, None, on_stage)
     # beside the estimation: the model needs the recording only
     with futures.ThreadPoolExecutor(1) as pool:
         model = pool.submit(run_forces, recording, pipeline.geometry.vehicle)
-        return _run(recording, pipeline, on_progress, recorder, model.result, on_stage)
+        return _run(recording, pipeline, on_progress, model.result, on_stage)
 
 
 def _run(
-    recording: Recording, pipeline: Pipeline, on_progress: Callable[[int], None], recorder: SmootherRecorder,
-    model: Callable[[], RunForces], on_stage: Callable[[str], None],
+    recording: Recording, pipeline: Pipeline, on_progress: Callable[[int], None], model: Callable[[], RunForces] | None,
+    on_stage: Callable[[str], None],
 ) -> OfflineRun:  # fmt: skip
     blocks: list[OutputBlock] = []
     digest = EstimateDigest()
@@ -243,7 +238,7 @@ def _run(
     count = 0
     for found, taken in pipeline.replay(recording):
         for block in found:
-            blocks.append(recorder.take(block))
+            blocks.append(block)
             digest.update(block)
             history.note(int(block.stamp_ns[-1]))
         reports.note(found)
@@ -253,7 +248,7 @@ def _run(
             count = 0
     last = pipeline.finish()
     for block in last:
-        blocks.append(recorder.take(block))
+        blocks.append(block)
         digest.update(block)
     reports.note(last)
     on_progress(count)
@@ -262,9 +257,9 @@ def _run(
     parameters = pipeline.parameters()
     digest.parameters(parameters)
     history.note(int(blocks[-1].stamp_ns[-1]), force=True)
-    if recorder.reason != SWITCHED_OFF:
+    if model is not None:
         on_stage("smoothing")
-    return _joined(blocks, pipeline, parameters, history.finished(), digest.hexdigest(), recorder, tuple(reports.found), model)
+    return _joined(blocks, pipeline, parameters, history.finished(), digest.hexdigest(), tuple(reports.found), model)
 
 
 class _Reports:
@@ -314,7 +309,7 @@ class _History:
 
 def _joined(
     blocks: list[OutputBlock], pipeline: Pipeline, parameters: tuple[Estimate, ...], history: ParameterHistory, digest: str,
-    recorder: SmootherRecorder, reports: tuple[ParameterReport, ...], model: Callable[[], RunForces],
+    reports: tuple[ParameterReport, ...], model: Callable[[], RunForces] | None,
 ) -> OfflineRun:  # fmt: skip
     signals = {name: np.concatenate([getattr(b, name) for b in blocks]) for name in _KEPT}
     ticks = [len(b.stamp_ns) for b in blocks]
@@ -326,7 +321,7 @@ def _joined(
     measured = {n: np.concatenate([b.measured[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors}
     predicted = {n: np.concatenate([b.predicted[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors}
     views = _views(blocks, {**signals, "stamp_ns": stamps, "valid": valid})
-    first_pass = {**{name: signals[name] for name in SIGNALS if name in signals}, "stamp_ns": stamps}
+    doubts = Doubts(*(np.repeat([getattr(b, name) for b in blocks], ticks) for name in ("lacking", "loaded", "misread")))
     blocks.clear()  # a long run is not held twice while it is smoothed
     return OfflineRun(
         mount_names=pipeline.geometry.mount_names,
@@ -340,15 +335,9 @@ def _joined(
         health=pipeline.health(),
         identifiability=pipeline.identifiability(),
         digest=digest,
-        smoothed=second_pass(
-            recorder,
-            first_pass,
-            pipeline.tilting,
-            pipeline.settings.parameter_memory,
-            model(),
-            parameters,
-            pipeline.amplitude_std(),
-        ),
+        smoothed=SWITCHED_OFF
+        if model is None
+        else smoothed_forces({**signals, "stamp_ns": stamps}, doubts, model(), parameters, pipeline.amplitude_std()),
         blocks=views,
         reports=reports,
     )

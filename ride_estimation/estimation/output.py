@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.estimation.forces.force_basis import ForceBasis
 from ride_estimation.estimation.forces.mount_forces import ForceBlock
 from ride_estimation.estimation.motion.loads import InertialLoads
 from ride_estimation.estimation.motion.motion_block import MotionBlock
@@ -127,8 +126,10 @@ class OutputBlock(Ticks):
         Part that rests on the mount model: the split among the mounts, invisible to equilibrium; (K, M, 3).
     measured, predicted
         Specific force per accelerometer in sensor axes (K, 3) and what the estimated motion predicts there.
-    basis
-        What the forces were made of, for the smoother.
+    lacking
+        Whether a sensor that the deflections rest on was lost or suspect.
+    loaded, misread
+        Whether there was a load that the vehicle file does not contain, and a base sensor that reads too much or too little.
     """
 
     tilt: Array
@@ -139,12 +140,14 @@ class OutputBlock(Ticks):
     mount_force_std_model: Array
     measured: Mapping[str, Array]
     predicted: Mapping[str, Array]
-    basis: ForceBasis | None = None
+    lacking: bool
+    loaded: bool
+    misread: bool
 
     @staticmethod
     def of(
         stamp_ns: IntArray, motion: MotionBlock, accel: tuple[Array, Array], support: Array, loads: InertialLoads,
-        forces: ForceBlock, of_sensors: Sequence[Mapping[str, Array]], basis: ForceBasis,
+        forces: ForceBlock, of_sensors: Sequence[Mapping[str, Array]], unusual: tuple[bool, bool, bool],
     ) -> OutputBlock:  # fmt: skip
         """Return what the steps of the pipeline found for a block.
 
@@ -160,8 +163,8 @@ class OutputBlock(Ticks):
             Of the mounts.
         of_sensors
             Measured and predicted specific force of the accelerometers.
-        basis
-            What the forces were made of.
+        unusual
+            Values of ``lacking``, ``loaded`` and ``misread``.
         """
         free, free_covariance = accel
         return OutputBlock(
@@ -173,7 +176,8 @@ class OutputBlock(Ticks):
             inertial_load_covariance=loads.covariance(free_covariance, free[-1]),
             mount_force=forces.force, mount_force_std=forces.std, mount_force_std_equilibrium=forces.std_equilibrium,
             mount_force_std_model=forces.std_model, mount_deflection=forces.deflection, mount_rate=forces.rate,
-            mount_deflection_std=forces.deflection_std, measured=of_sensors[0], predicted=of_sensors[1], basis=basis,
+            mount_deflection_std=forces.deflection_std, measured=of_sensors[0], predicted=of_sensors[1], lacking=unusual[0],
+            loaded=unusual[1], misread=unusual[2],
         )  # fmt: skip
 
     @property

@@ -31,7 +31,6 @@ from ride_estimation.estimation.faults.late_sensors import LateSensors
 from ride_estimation.estimation.faults.sensor_gate import GateVerdict
 from ride_estimation.estimation.forces.base_fill import BaseFill
 from ride_estimation.estimation.forces.carried_bodies import CarriedBodies
-from ride_estimation.estimation.forces.force_basis import ForceBasis
 from ride_estimation.estimation.forces.force_kernel import follow_scaled
 from ride_estimation.estimation.forces.mount_forces import MountForceEstimator
 from ride_estimation.estimation.forces.mount_law import MountLaw
@@ -94,12 +93,12 @@ class Pipeline:
         self._motion = self._new_motion()
         self._loads = InertialLoads.of(a.body)
         self._carried = CarriedBodies(a, self.settings)
-        self.tilting = BracketTilt(a)
-        self._deflection = DeflectionEstimator(a, self.tilting)
+        self._tilting = BracketTilt(a)
+        self._deflection = DeflectionEstimator(a, self._tilting)
         self._fill = BaseFill(a)
         self._law = MountLaw(a)
-        self._forces = MountForceEstimator(a, self._law, self._deflection.known, self.tilting)
-        self._parameters = ParameterEstimator(a, self.tilting, self.settings)
+        self._forces = MountForceEstimator(a, self._law, self._deflection.known, self._tilting)
+        self._parameters = ParameterEstimator(a, self._tilting, self.settings)
         self._mass_reference = MassReference(a, self._parameters.free_parameters)
         self._travel = StaticTravel(a)
         #: what static travel says of a load that the file does not know
@@ -199,9 +198,9 @@ class Pipeline:
     def reset(self, reason: str) -> None:
         """Forget motion and learned parameters and begin again from the vehicle file."""
         self._due = None
-        self.tilting.reset()
+        self._tilting.reset()
         self._forces.take_tilt()
-        self._parameters = ParameterEstimator(self.geometry, self.tilting, self.settings)
+        self._parameters = ParameterEstimator(self.geometry, self._tilting, self.settings)
         self._mass_reference = MassReference(self.geometry, self._parameters.free_parameters)
         self._checkpoints.clear()
         self._apply()
@@ -225,7 +224,7 @@ class Pipeline:
         self._restarts[reason] += 1
         self._motion.reset()
         self._carried.reset()
-        self.tilting.restart()
+        self._tilting.restart()
         self._deflection.restart()
         self._forces.restart()
         self._parameters.restart()
@@ -313,9 +312,9 @@ class Pipeline:
         self._due = learn
         self._ticks, self._invalid_ticks = self._ticks + ticks, self._invalid_ticks + lost
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
-        basis = ForceBasis.of(self._forces, self._loads, deflection, covariance, complete)
-        of_sensors = [{name: part[:, own] for name, own in layout.own_columns} for part in (measured, predicted)]
-        return OutputBlock.of(block.stamps_ns, motion, (accel, accel_covariance), support, self._loads, forces, of_sensors, basis)
+        unusual = not complete, self._forces.loaded, bool(self._forces.misread_variance.any())
+        read = [{name: part[:, own] for name, own in layout.own_columns} for part in (measured, predicted)]
+        return OutputBlock.of(block.stamps_ns, motion, (accel, accel_covariance), support, self._loads, forces, read, unusual)
 
     def _checked(self, block: Block, dt: float) -> tuple[Block, GateVerdict]:
         """Return the block with every sensor in its place and what may be used of it; what faulty sensors taught is forgotten."""
@@ -381,7 +380,7 @@ class Pipeline:
         return dataclasses.replace(motion, covariance=motion.covariance * self._excess**2 + added + self._constant)
 
     def _learned(self) -> dict[str, Any]:
-        return {"parameters": self._parameters.snapshot(), "anchor": self._mass_reference.save(), "tilt": self.tilting.save()}
+        return {"parameters": self._parameters.snapshot(), "anchor": self._mass_reference.save(), "tilt": self._tilting.save()}
 
     def _integrated(self) -> dict[str, Any]:
         return {"deflection": self._deflection.save(), "frame": self._forces.frame_bias()}
@@ -390,8 +389,8 @@ class Pipeline:
         """Return to what was learned at another time; filters of the signals begin anew."""
         self._parameters.load(learned["parameters"])
         self._mass_reference.load(learned["anchor"])
-        self.tilting.load(learned["tilt"])
-        self.tilting.restart()
+        self._tilting.load(learned["tilt"])
+        self._tilting.restart()
         self._forces.take_tilt()
         self._apply()
 
@@ -433,9 +432,9 @@ class Pipeline:
         self._deflection.forget_bias(self._fill.returned)
         if self._checks.bases_inconsistent:
             self._fill.suspect()
-        if self.tilting.learns:
+        if self._tilting.learns:
             body = force_at(motion.motion, motion.rate, self.geometry.arms)
-            if self.tilting.observe(base, body, measured, dt):
+            if self._tilting.observe(base, body, measured, dt):
                 self._forces.take_tilt()
         expected, rest = np.zeros((count, 3)), self._forces.equilibrium(support)
         follow_scaled(self._forces.shared(support), 1.0 / np.maximum(self._law.stiffness, 1.0), 1.0, expected)
@@ -578,7 +577,7 @@ class Pipeline:
         messages = fault_messages(self._guard.faults) + self._late.messages() + self._checks.messages()
         messages += [m for m in (residual_message(test), rate_message(self._sensors, sensors)) if m]
         messages += sensor_messages(list(sensors.values()), self._ticks) + base_messages(self.geometry)
-        messages += [*self.geometry.ignored, *self._parameters.notes(), *self._mass_reference.notes(), *self.tilting.notes()]
+        messages += [*self.geometry.ignored, *self._parameters.notes(), *self._mass_reference.notes(), *self._tilting.notes()]
         if self._checkpoints.taken:
             messages.append(f"{self._checkpoints.taken} times updates of the last seconds were rolled back for a faulty sensor")
         messages += [f"{n} samples of {name}, which the estimator does not use" for name, n in sorted(self._unknown.items())]
@@ -605,7 +604,7 @@ class Pipeline:
             "mounts": list(self.geometry.mount_names), "settings": dataclasses.asdict(self.settings),
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
             "parameters": self._parameters.save(), "anchor": self._mass_reference.save(), "run_time": self._run_time,
-            "travel": self._travel.save(), "tilt": self.tilting.save(), "carried": self._carried.save(),
+            "travel": self._travel.save(), "tilt": self._tilting.save(), "carried": self._carried.save(),
             "delays": self._late.save(), **self._checks.save(),
         }  # fmt: skip
 
@@ -625,7 +624,7 @@ class Pipeline:
         self._checks.load(state)
         self._motion.leave_out_gyros(self._checks.gyros.found)
         self._motion.load(state["motion"])
-        self.tilting.load(state["tilt"])
+        self._tilting.load(state["tilt"])
         if "carried" in state:
             self._carried.load(state["carried"])
         self._forces.take_tilt()

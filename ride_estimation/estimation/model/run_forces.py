@@ -142,7 +142,8 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces:
         learn_shares(joint)
     except RideEstimationError as error:
         return RunForces(refused=str(error))
-    if joint.largest_nis > LARGEST_NIS:
+    explains = joint.largest_nis <= LARGEST_NIS
+    if joint.plant.load.presence and not explains:
         words = f"the model does not explain the readings (NIS {joint.nis:.2f}, {joint.largest_nis:.1f} in one octave)"
         return RunForces(refused=words)
     conflicts = joint.conflicts()
@@ -158,7 +159,10 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces:
     for start, readings in zip(found.start_ns, found.segments):
         smoothed += _smoothed(joint, start, readings)
     if not smoothed:
-        return RunForces(refused="the model explains the readings of no part of the run")
+        return RunForces(refused="the model describes no part of the run")
+    if not explains:
+        # what it leaves widens its forces; of what the vehicle is it says nothing
+        return RunForces(tuple(smoothed), found.dt)
     newest = max(int(channel.stamp_ns[-1]) for channel in recording.channels.values() if len(channel.stamp_ns))
     estimates = run_parameters(joint, newest), mass_properties(joint, newest)
     return RunForces(tuple(smoothed), found.dt, joint.plant.findings, joint.faults, *estimates, load=load_in_words(joint))
@@ -167,14 +171,16 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces:
 def _smoothed(
     joint: JointEstimate, start_ns: int, readings: Array, silent: NDArray[np.bool_] | None = None
 ) -> list[tuple[int, SmoothedSegment]]:
-    """Return first stamps and forces of the parts of a segment that the model explains."""
+    """Return first stamps and forces of the parts of a segment that the model describes as well as the one it was fitted to."""
     out, dt = [], joint.dt
     for first, stop in _parts(len(readings), round(_LONGEST_S / dt), round(2.0 * _FULLY_S / dt)):
         try:
             segment = smooth(joint, readings[first:stop], silent)
         except np.linalg.LinAlgError:
             continue
-        if segment.nis <= LARGEST_NIS and all(np.isfinite(x).all() for x in (segment.force, segment.std)):
+        # what leaves clearly more than the part the slow states are from is not the same vehicle any more
+        same = segment.nis <= LARGEST_NIS * max(joint.largest_nis, 1.0)
+        if same and all(np.isfinite(x).all() for x in (segment.force, segment.std)):
             out.append((start_ns + round(1e9 * first * dt), segment))
     return out
 
