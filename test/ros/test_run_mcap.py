@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 
 import ride_estimation as re
 from ride_estimation.api.replaying import Replay
-from ride_estimation.estimation.smoothing.smoothed_forces import SmoothedForces
+from ride_estimation.estimation.model.smoothed_forces import SmoothedForces
 from ride_estimation.io.bag_writer import write_bag
 from ride_estimation.nodes.estimator_node import EstimatorNode
 from ride_estimation.nodes.lockstep import run_in_lockstep

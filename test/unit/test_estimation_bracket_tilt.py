@@ -171,7 +171,7 @@ def test_a_frame_in_an_independent_world_is_learned_and_its_forces_are_honest(fo
     pipeline = Pipeline(believed_vehicle(data, seed=seed))
     blocks = [out for stamp, name, values in arrivals(data) for out in pipeline.observe(name, stamp, values)]
     blocks += pipeline.finish()
-    tilt = pipeline.tilting
+    tilt = pipeline._tilting
     assert np.all(np.abs(tilt.shares[[0, 2]] - follow) < 3.5 * np.sqrt(np.diag(tilt.covariance)[[0, 2]]))
     stamp = np.concatenate([b.stamp_ns for b in blocks])
     row = np.round((stamp - START_NS) * 1e-9 * data.rate_hz).astype(int)

@@ -212,8 +212,8 @@ def test_what_a_faulty_base_sensor_taught_about_the_tilt_is_taken_back():
             break
         pipeline.observe(name, stamp, values.tolist())
         if name == "chassis_rear_left" and now < FROM:
-            before.append(pipeline.tilting.save()["moments"])
-    after = pipeline.tilting.save()
+            before.append(pipeline._tilting.save()["moments"])
+    after = pipeline._tilting.save()
     assert after["time"] > 1.0
     assert after["moments"] in before
 

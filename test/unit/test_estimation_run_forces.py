@@ -21,10 +21,10 @@ from ride_estimation.estimation.model.joint import JointEstimate
 from ride_estimation.estimation.model.run_forces import RunForces, run_forces
 from ride_estimation.estimation.model.run_parameters import beside_online, mass_properties, run_parameters
 from ride_estimation.estimation.model.run_readings import run_readings
+from ride_estimation.estimation.model.smoothed_forces import _not_linear
 from ride_estimation.estimation.model.smoother import SmoothedSegment, smooth
 from ride_estimation.estimation.offline import run_offline
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.smoothing.smoothed_forces import _not_linear
 from ride_estimation.io.bags import read_recording
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.resources import shared_path
@@ -275,7 +275,7 @@ def test_a_run_with_a_faulty_sensor_is_smoothed_by_the_model_that_has_estimated_
     found = run_offline(with_channel(run, name, values=run.channels[name].values * [1.3, 1.0, 1.0]), Pipeline(vehicle))
     assert f"{name}.gain.x is beyond its tolerance" in found.forces_in_words()
     assert not isinstance(found.smoothed, str)
-    assert found.smoothed.model_share > 0.9
+    assert found.smoothed.share > 0.9
     seconds = (found.stamp_ns - START_NS) * 1e-9
     late = (seconds > 10.0) & (seconds < data.time[-1] - 0.5)
     flat = data.truth["mount_force"].reshape(len(data.time), -1)
@@ -285,15 +285,31 @@ def test_a_run_with_a_faulty_sensor_is_smoothed_by_the_model_that_has_estimated_
     assert np.mean(np.abs(error) < 2.0 * found.force_std[late]) > 0.9
 
 
+def with_noise(run: Recording, std: float) -> Recording:
+    rng = np.random.default_rng(1)
+    channels = {n: dataclasses.replace(c, values=c.values + std * rng.normal(size=c.values.shape)) for n, c in run.channels.items()}
+    return dataclasses.replace(run, channels=channels)
+
+
+def test_what_the_model_leaves_widens_its_forces_and_says_nothing_of_the_vehicle(
+    drive_and_forces: tuple[Measurement, Vehicle, RunForces],
+) -> None:
+    data, vehicle, _ = drive_and_forces
+    run = cut(recording(data), 14.0)
+    found = run_forces(with_noise(run, 0.02), vehicle)
+    assert not found.refused
+    assert found.parameters == found.mass_properties == found.findings == found.faults == ()
+    error, std, _ = judged(data, found)
+    assert 0.9 < np.mean(np.abs(error) < 2.0 * std)
+    assert "NIS" in run_forces(with_noise(run, 1.0), vehicle).refused
+
+
 def test_what_the_model_does_not_describe_is_refused_with_a_reason(
     drive_and_forces: tuple[Measurement, Vehicle, RunForces],
 ) -> None:
     data, vehicle, _ = drive_and_forces
     run = cut(recording(data), 14.0)
-    rng = np.random.default_rng(1)
     names = [s.name for s in data.sensors]
-    noisy = {n: dataclasses.replace(c, values=c.values + rng.normal(size=c.values.shape)) for n, c in run.channels.items()}
-    assert "NIS" in run_forces(dataclasses.replace(run, channels=noisy), vehicle).refused
     fewer = {n: run.channels[n] for n in names[:-1]}
     assert "rear_right" in run_forces(dataclasses.replace(run, channels=fewer), vehicle).refused
     fewer = {n: run.channels[n] for n in names[2:]}

@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Smoothed forces of finished runs: filters against numbers of their own, forces against the truth of the worlds."""
+"""Smoothed forces of finished runs against the truth of the worlds, and where the online estimate stands."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import functools
 
 import numpy as np
 import pytest
-from scipy import integrate
 from worlds.adapters import START_NS, believed_vehicle, recording
 from worlds.cab import drive, measure, random_sensors, random_vehicle, simulate
 from worlds.roads import Road, base_motion
@@ -16,83 +15,17 @@ from worlds.roads import Road, base_motion
 from ride_estimation.api.replaying import all_warnings
 from ride_estimation.estimation import offline
 from ride_estimation.estimation.common.geometry import geometry_of
-from ride_estimation.estimation.forces.force_basis import ForceModel
 from ride_estimation.estimation.model.run_forces import RunForces
+from ride_estimation.estimation.model.smoothed_forces import Doubts, SmoothedForces, _faded
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
-from ride_estimation.estimation.smoothing.parameter_course import smoothed_course
-from ride_estimation.estimation.smoothing.smoothed_forces import SmoothedForces, SmootherRecorder, _Piece
-from ride_estimation.estimation.smoothing.zero_phase import EDGES, ZeroPhaseBank
-from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Channel, Recording
 
 RATE = 100.0
-BINS = np.geomspace(0.1, 40.0, 60)
-
-
-def bank() -> ZeroPhaseBank:
-    return ZeroPhaseBank(BINS, np.gradient(BINS), 8.0)
-
-
-def test_error_of_white_noise_is_the_integral_of_the_response() -> None:
-    found, white = bank(), 3e-6
-    value, rate = found.errors(np.zeros(60), np.zeros(60), white)
-    logs = np.linspace(np.log(1e-4), np.log(1e5), 40001)
-    omega = 2.0 * np.pi * np.exp(logs)
-    for index in (0, 40, len(value) - 1):
-        density = white * found.response(index, omega) ** 2 * np.exp(logs)
-        # Simpson's rule on a grid of its own; trapezoids on 3000 logarithmic points and this agree to a thousandth
-        assert integrate.simpson(density, x=logs) == pytest.approx(value[index], rel=2e-3)
-        assert integrate.simpson(density * omega**2, x=logs) == pytest.approx(rate[index], rel=2e-3)
-
-
-def test_a_missing_side_of_the_record_costs_what_is_stated() -> None:
-    """200 stationary signals cut off at their end: the variance of a variance is 2 / 200, thrice its root are 30 %."""
-    rng, dt, n, draws = np.random.default_rng(5), 0.02, 2000, 200
-    f = np.fft.rfftfreq(4 * n, dt)
-    density = np.where(f > 0.0, 2e-3 / (1.0 + (1.5 / np.maximum(f, 1e-3)) ** 8), 0.0)
-    parts = rng.standard_normal((2, draws, len(f)))
-    spectrum = (parts[0] + 1j * parts[1]) * np.sqrt(density * n / dt)
-    omega = 2.0 * np.pi * np.maximum(f, 1e-3)
-    true = np.fft.irfft(-spectrum / omega**2, axis=1)[:, n : 2 * n]
-    noise = 3e-6
-    u = np.fft.irfft(spectrum, axis=1)[:, n : 2 * n] + np.sqrt(noise / (2.0 * dt)) * rng.standard_normal((draws, n))
-    found = bank()
-    signal = np.interp(BINS, f, density)
-    value, _ = found.errors(signal, np.zeros(60), noise)
-    index = int(np.argmin(value))
-    response = found.response(index, 2.0 * np.pi * np.fft.rfftfreq(2 * n, dt))
-    error = np.fft.irfft(np.fft.rfft(u, 2 * n, axis=1) * response, axis=1)[:, :n] - true
-    edge, _ = found.edge(index, signal + noise)
-    for distance, added in zip(EDGES, edge):
-        if distance in (0.5, 2.0, 6.0):
-            measured = float(np.mean(error[:, n - 1 - round(distance / dt)] ** 2))
-            assert measured == pytest.approx(value[index] + added, rel=0.3)
-
-
-def model(log: float, std: float) -> ForceModel:
-    one = np.ones((2, 1, 3))
-    return ForceModel(np.exp(log) * one, std * one, one[0], 1000.0, 0.01, np.eye(3), 0.0, np.zeros(3), False, 1.0)
-
-
-def test_a_run_begins_with_what_was_learned_later_and_a_change_stays_one() -> None:
-    rng = np.random.default_rng(2)
-    # file value 20 % off for 3 s, learned to 1 %, 20 % softer from piece 200 on: the estimator opens its covariance there
-    logs = np.concatenate([np.full(12, 0.2), 0.01 * rng.standard_normal(188), -0.22 + 0.01 * rng.standard_normal(200)])
-    stds = np.concatenate([np.full(12, 0.3), np.full(188, 0.01), np.linspace(0.1, 0.01, 30), np.full(170, 0.01)])
-    models = [model(a, b) for a, b in zip(logs, stds)]
-    found = smoothed_course(models, np.full(400, 0.25), 30.0)
-    course = np.array([np.log(m.multipliers[0, 0, 0]) for m in found])
-    # neighbours of 30 s: the mean of a hundred values of 1 %, and a share exp(-...) of the change's 22 % over (0.01 / 0.1)^2
-    assert np.all(np.abs(course[:200]) < 0.006)
-    assert np.all(np.abs(course[200:] + 0.22) < 0.006)
-    # never surer than any of what it is made of; a hundredth of the opened variance counts before the change
-    assert min(m.std[0, 0, 0] for m in found) >= 0.01 - 1e-12
-    assert all(m.std[0, 0, 0] < 0.0142 for m in found[:200])
 
 
 @functools.cache
-def drawn(seed: int = 41, duration: float = 10.0, kind: str = "air"):
+def drawn(seed: int = 41, duration: float = 12.0, kind: str = "air"):
     rng = np.random.default_rng(seed)
     cab = random_vehicle(rng, kind)
     run = drive(cab, Road.random(rng), duration, seed, step=1e-3)
@@ -101,15 +34,20 @@ def drawn(seed: int = 41, duration: float = 10.0, kind: str = "air"):
 
 
 def test_a_model_counts_where_it_explains_what_the_online_estimate_suspects() -> None:
-    recorder, nothing = SmootherRecorder(geometry_of(drawn()[1])), np.zeros((6, 6))
-    ordinary = dataclasses.replace(model(0.0, 0.1), misread=np.zeros((1, 3)))
-    misread, loaded = dataclasses.replace(ordinary, misread=np.ones((1, 3))), dataclasses.replace(ordinary, loaded=True)
-    kinds = [(True, ordinary), (False, ordinary), (True, misread), (True, loaded)]
-    pieces = [_Piece(i, i + 1, np.zeros((2, 1, 3)), nothing, nothing, nothing, *kind) for i, kind in enumerate(kinds)]
-    recorder._ticks, recorder._stretches = len(pieces), [(pieces, 0.01)]
-    assert recorder.ordinary(RunForces()).tolist() == [1.0, 0.0, 0.0, 0.0]
-    assert recorder.ordinary(RunForces(findings=("a law is not linear",))).tolist() == [1.0, 0.0, 1.0, 0.0]
-    assert recorder.ordinary(RunForces(faults=("a.gain.x",))).tolist() == [1.0, 1.0, 1.0, 0.0]
+    kinds = np.array([(False, False, False), (True, False, False), (False, False, True), (False, True, False)]).T
+    doubts = Doubts(kinds[0], kinds[1], kinds[2])
+    assert doubts.ordinary(RunForces()).tolist() == [True, False, False, False]
+    assert doubts.ordinary(RunForces(findings=("a law is not linear",))).tolist() == [True, False, True, False]
+    assert doubts.ordinary(RunForces(faults=("a.gain.x",))).tolist() == [True, True, True, False]
+    assert doubts.ordinary(RunForces(load="a load")).tolist() == [True, False, True, True]
+
+
+def test_forces_of_the_model_fade_out_before_and_in_after_what_it_does_not_describe() -> None:
+    ordinary = np.ones(400, dtype=bool)
+    ordinary[200] = False
+    share = _faded(ordinary, np.arange(400, dtype=np.int64) * 10_000_000)
+    assert share[200] == 0.0 and share[140] == share[260] == pytest.approx(1.0)
+    assert np.abs(np.diff(share)).max() < 0.05 and np.allclose(share[201:260], share[141:200][::-1])
 
 
 @functools.cache
@@ -131,7 +69,7 @@ def test_smoothed_forces_are_nearer_to_the_truth_and_no_surer_than_they_are() ->
     run = shared_run()
     assert isinstance(run.smoothed, SmoothedForces)
     live, later = (error(run, data, force) for force in (run.signals["mount_force"], run.force))
-    # a run of ten seconds: most of it is before the online estimator knows the mounts
+    # most of this run is before the online estimator knows the mounts
     assert np.median(later[:, :2]) < 0.6 * np.median(live[:, :2])
     assert np.median(later[:, 2]) < 0.6 * np.median(live[:, 2])
     row = np.round((run.stamp_ns - START_NS) * 1e-9 * RATE).astype(int)
@@ -200,32 +138,18 @@ def test_a_break_in_time_makes_two_segments() -> None:
     assert np.all(np.std(run.force[:count] - whole.force[:count], axis=0) < 0.35 * scale)
 
 
-def test_layouts_without_base_sensors_say_why_there_is_no_smoothing() -> None:
-    _, vehicle, _ = drawn()
-    geometry = geometry_of(vehicle)
-    bases = {s.name for s in geometry.base_sensors if s is not None}
+def test_layouts_without_base_sensors_and_short_runs_say_why_there_is_no_smoothing() -> None:
+    _, vehicle, record = drawn()
+    bases = {s.name for s in geometry_of(vehicle).base_sensors if s is not None}
     bare = dataclasses.replace(vehicle, sensors={n: s for n, s in vehicle.sensors.items() if n not in bases})
-    assert "accelerometer at its base" in SmootherRecorder(geometry_of(bare)).reason
-    assert SmootherRecorder(geometry).reason == ""
-
-
-def test_axes_with_a_transducer_keep_what_it_measures() -> None:
-    data, vehicle, record = drawn()
-    mount = vehicle.mounts["front_left"]
-    sensor = Sensor(
-        "travel", "displacement", "/travel", mount.base, mount="front_left", axis="z", position=mount.position, noise_std=2e-5
-    )
-    rng = np.random.default_rng(3)
-    stamps = START_NS + np.round(data.time * 1e9).astype(np.int64)
-    travel = data.truth["deflection"][:, 0, 2] + 2e-5 * rng.standard_normal(len(stamps))
-    channel = Channel("travel", stamps, travel[:, None], stamps + 2_000_000)
-    told = dataclasses.replace(vehicle, sensors={**vehicle.sensors, "travel": sensor})
-    run = run_offline(Recording("travel", {**record.channels, "travel": channel}), Pipeline(told))
-    assert isinstance(run.smoothed, SmoothedForces)
-    row = np.round((run.stamp_ns - START_NS) * 1e-9 * RATE).astype(int)
-    good = (row >= 2.0 * RATE) & (row < len(stamps))
-    # mount axes against cab axes: a rotation of 0.02 rad of 10 mm at most
-    assert np.std(run.deflection[good, 0, 2] - data.truth["deflection"][row[good], 0, 2]) < 1e-4
+    run = run_offline(record, Pipeline(bare))
+    assert "without a triaxial accelerometer on their base" in run.forces_in_words()
+    assert run.force is run.signals["mount_force"]
+    brief = {}
+    for name, c in record.channels.items():
+        kept = c.stamp_ns - START_NS < 6_000_000_000
+        brief[name] = Channel(name, c.stamp_ns[kept], c.values[kept], c.arrival_ns[kept])
+    assert "less than 10 s" in run_offline(Recording("brief", brief), Pipeline(vehicle)).forces_in_words()
 
 
 @pytest.mark.slow
@@ -248,21 +172,25 @@ def test_horizontal_forces_and_intervals_over_worlds() -> None:
 
 
 @pytest.mark.slow
-def test_a_mount_that_softens_in_the_middle_is_followed() -> None:
-    rng = np.random.default_rng(3648)
+@pytest.mark.parametrize(("seed", "modelled", "bound"), [(3649, True, 0.05), (3650, True, 0.05), (3648, False, 0.08)])
+def test_a_mount_that_softens_in_the_middle_is_followed(seed: int, modelled: bool, bound: float) -> None:
+    """By a force beside its law, or live where the model does not find it and leaves too much."""
+    rng = np.random.default_rng(seed)
     cab = random_vehicle(rng, "air")
     sensors = random_sensors(cab, rng)
     drift = np.zeros((4, 3, 4))
     drift[:, :, 1:3] = [15.0, 16.0]
     drift[0, 2, 0] = -0.2
     changed = dataclasses.replace(cab, hidden=dataclasses.replace(cab.hidden, drift=drift))
-    run = simulate(changed, base_motion(Road.random(rng), cab.mounts, 35.0, 5e-4, 3648))
-    data = measure(run, sensors, RATE, 3648, noise_share=0.01, anti_alias=0.0)
-    found = run_offline(recording(data), Pipeline(believed_vehicle(data, seed=3648)))
+    run = simulate(changed, base_motion(Road.random(rng), cab.mounts, 35.0, 5e-4, seed))
+    data = measure(run, sensors, RATE, seed, noise_share=0.01, anti_alias=0.0)
+    found = run_offline(recording(data), Pipeline(believed_vehicle(data, seed=seed)))
+    assert ("linear law at front_left z" in found.forces_in_words()) == modelled
+    assert ("not smoothed: the model does not explain" in found.forces_in_words()) != modelled
     time = (found.stamp_ns - START_NS) * 1e-9
     row = np.clip(np.round(time * RATE).astype(int), 0, len(data.time) - 1)
     for part in ((time > 3.0) & (time < 14.0), (time > 22.0) & (time < 34.0)):
         true = data.truth["mount_force"][row[part]][:, 0, 2]
         wrong = found.force[part][:, 0, 2] - true
         # a stiffness that is 20 % off would leave 20 % of the force of this mount
-        assert np.std(wrong) < 0.05 * np.std(true)
+        assert np.std(wrong) < bound * np.std(true)

@@ -26,6 +26,7 @@ from ride_estimation.estimation.model.readings import travel_place
 from ride_estimation.estimation.model.segments import (
     DEFORMS_HZ,
     ENDS_HZ,
+    SLOW_OCTAVES,
     Model,
     Projected,
     Segment,
@@ -103,9 +104,9 @@ class JointEstimate:
     ----------
     theta, covariance
         Slow states (P,) and their covariance (P, P); rows of held states are zero, delays are relative to their mean.
-    nis, largest_nis
-        Mean normalised square of what no input explains, over all lines and in the octave where it is largest: 1 where model and
-        noise are right.
+    nis, largest_nis, largest_slow_nis
+        Mean normalised square of what no input explains, over all lines, in the octave where it is largest, and in the one of
+        those below 4 Hz: 1 where model and noise are right.
     """
 
     def __init__(self, plant: Plant, segments: Sequence[Array], dt: float, free_forces: bool = False) -> None:
@@ -116,7 +117,7 @@ class JointEstimate:
         self._delays = delays if np.all(plant.slow.std[delays] > 0.0) else np.zeros(0, dtype=np.int64)
         self.theta = plant.slow.mean.copy()
         self.covariance = np.diag(plant.slow.std**2)
-        self.nis = self.largest_nis = np.nan
+        self.nis = self.largest_nis = self.largest_slow_nis = np.nan
         #: slow states as the vehicle file states them
         self.stated = plant.slow
         #: part of the variances that the second order causes which is not known, shape (P,)
@@ -515,6 +516,7 @@ class JointEstimate:
             own_squares, own_counts = p.squares(segment)
             squares, counts = squares + own_squares, counts + own_counts
         self.nis, self.largest_nis = float(squares.sum() / counts.sum()), largest(squares, counts)
+        self.largest_slow_nis = largest(squares[:SLOW_OCTAVES], counts[:SLOW_OCTAVES])
         return information, gradient, along
 
     def _jacobian(self, sensitivity: Sensitivity, segment: Segment, p: Projected, v: Complex) -> tuple[Array, Array, Array]:

@@ -36,6 +36,8 @@ _FIRST_SIZE, _FIRST_DEFORMATION = 10.0, 0.02
 _RATE_HZ, _IMPULSE_HZ = 0.2, 0.3
 #: octaves in which the residual is judged: begin of the first [Hz], which contains what is slower, and how many
 _FIRST_OCTAVE_HZ, _OCTAVES = 0.5, 12
+#: of them those below 4 Hz, in which mounts move most
+SLOW_OCTAVES = 3
 #: highest frequency at which a force beside the law of a mount is looked for [Hz]: cabs move below
 _LAWS_HZ = 25.0
 #: share of the variance of a reading below which what mounts move by themselves is left out
