@@ -47,8 +47,8 @@ _OWN, _MINOR = 0.5, 0.02
 _LEAST = 0.01
 #: standard deviations by which a plant may be from the installation that the accepted causes leave
 _BENT = 0.5
-#: share of the best score of a round from which a hypothesis is a rival of the cause that it names: without (with) it the hidden
-#: damper and friction of `confusion_matrix.py --pairs 12 --installation 1 --first-seed 1000000` take 123 (101) s of processor time
+#: share of the best score of a round from which a hypothesis is a rival of the cause that it names: without (with) it the longest
+#: search of `confusion_matrix.py --pairs 12 --installation 1 --first-seed 1000000` takes 123 (93) s, answers are the same
 _RIVAL = 0.02
 #: log odds for a fault that shows in mean readings alone [nat]: a thousand to one, for two dozen channels are asked; no model of
 #: anything that moves errs there. Offset and gain of an axis at three standard deviations each stay below

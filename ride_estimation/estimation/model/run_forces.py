@@ -27,9 +27,9 @@ _LONGEST_S, _SHORTEST_S = 60.0, 10.0
 #: distance from the end of a segment where its forces begin to count and count alone, where another segment goes on [s]: what
 #: lies beyond the end is missing
 _FROM_S, _FULLY_S = 2.0, 4.0
-#: NIS in the octaves below 4 Hz up to which forces are those of the model. There an elastic mode leaves 1 to 5 (in its own octave up
-#: to 1065), a mount that softens by 5 or 10 % 1 to 36: forces are nearer than live ones and inside. One that softens by 20 % and is
-#: not found leaves 39 and 143: 60 and 78 % inside
+#: NIS in the octaves below 4 Hz up to which forces are those of the model. There an elastic mode leaves 1 to 5 (in its own octave
+#: up to 1065), a mount that softens by 5 or 10 % 1 to 36: forces are nearer than live ones and inside. One that softens by 20 %
+#: and is not found leaves 39 and 143: 60 and 78 % inside
 _LARGEST_SLOW_NIS = 10.0
 #: highest frequency in the forces of the model over its rate; forces beyond are left as they are
 _HIGHEST = 0.33
