@@ -37,7 +37,7 @@ from worlds.vehicle_text import Belief  # noqa: E402
 from ride_estimation.estimation import offline  # noqa: E402
 from ride_estimation.estimation.kinematics.deformation_filter import FilterBank  # noqa: E402
 from ride_estimation.estimation.model.drive_calibration import calibrate_drive  # noqa: E402
-from ride_estimation.estimation.model.smoothed_forces import Doubts, SmoothedForces, smoothed_forces  # noqa: E402
+from ride_estimation.estimation.model.smoothed_forces import Anomalies, SmoothedForces, smoothed_forces  # noqa: E402
 from ride_estimation.estimation.output import OutputBlock  # noqa: E402
 from ride_estimation.estimation.pipeline import Pipeline  # noqa: E402
 from ride_estimation.sensors.installation import USUAL  # noqa: E402
@@ -65,10 +65,10 @@ def joined(blocks: list[OutputBlock], name: str) -> np.ndarray:
 def smoothed(pipeline: Pipeline, blocks: list[OutputBlock], data: Measurement) -> SmoothedForces:
     """Return the smoothed forces of a finished run, as ``replay`` computes them, else the live ones."""
     ticks = [len(b.stamp_ns) for b in blocks]
-    doubts = Doubts(*(np.repeat([getattr(b, name) for b in blocks], ticks) for name in ("lacking", "loaded", "misread")))
+    anomalies = Anomalies(*(np.repeat([getattr(b, name) for b in blocks], ticks) for name in ("incomplete", "loaded", "misread")))
     signals = {name: joined(blocks, name) for name in ("stamp_ns", "mount_force", "mount_force_std", "mount_deflection")}
     model = offline.run_forces(recording(data), pipeline.geometry.vehicle)
-    found = smoothed_forces(signals, doubts, model, pipeline.parameters(), pipeline.amplitude_std())
+    found = smoothed_forces(signals, anomalies, model, pipeline.parameters(), pipeline.amplitude_std())
     if isinstance(found, str):
         return SmoothedForces(signals["mount_force"], signals["mount_force_std"], signals["mount_deflection"], 0.0)
     return found

@@ -16,7 +16,7 @@ from ride_estimation.errors import InputDataError
 from ride_estimation.estimation.common.estimate import Estimate, best_of
 from ride_estimation.estimation.faults.health import Health
 from ride_estimation.estimation.model.run_forces import RunForces, run_forces
-from ride_estimation.estimation.model.smoothed_forces import Doubts, SmoothedForces, smoothed_forces
+from ride_estimation.estimation.model.smoothed_forces import Anomalies, SmoothedForces, smoothed_forces
 from ride_estimation.estimation.output import REPORT_PERIOD_S, OutputBlock, ReportSchedule, Ticks
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.signals.recording import Recording
@@ -321,7 +321,7 @@ def _joined(
     measured = {n: np.concatenate([b.measured[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors}
     predicted = {n: np.concatenate([b.predicted[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors}
     views = _views(blocks, {**signals, "stamp_ns": stamps, "valid": valid})
-    doubts = Doubts(*(np.repeat([getattr(b, name) for b in blocks], ticks) for name in ("lacking", "loaded", "misread")))
+    anomalies = Anomalies(*(np.repeat([getattr(b, name) for b in blocks], ticks) for name in ("incomplete", "loaded", "misread")))
     blocks.clear()  # a long run is not held twice while it is smoothed
     return OfflineRun(
         mount_names=pipeline.geometry.mount_names,
@@ -337,7 +337,7 @@ def _joined(
         digest=digest,
         smoothed=SWITCHED_OFF
         if model is None
-        else smoothed_forces({**signals, "stamp_ns": stamps}, doubts, model(), parameters, pipeline.amplitude_std()),
+        else smoothed_forces({**signals, "stamp_ns": stamps}, anomalies, model(), parameters, pipeline.amplitude_std()),
         blocks=views,
         reports=reports,
     )

@@ -126,7 +126,7 @@ class OutputBlock(Ticks):
         Part that rests on the mount model: the split among the mounts, invisible to equilibrium; (K, M, 3).
     measured, predicted
         Specific force per accelerometer in sensor axes (K, 3) and what the estimated motion predicts there.
-    lacking
+    incomplete
         Whether a sensor that the deflections rest on was lost or suspect.
     loaded, misread
         Whether there was a load that the vehicle file does not contain, and a base sensor that reads too much or too little.
@@ -140,14 +140,14 @@ class OutputBlock(Ticks):
     mount_force_std_model: Array
     measured: Mapping[str, Array]
     predicted: Mapping[str, Array]
-    lacking: bool
+    incomplete: bool
     loaded: bool
     misread: bool
 
     @staticmethod
     def of(
         stamp_ns: IntArray, motion: MotionBlock, accel: tuple[Array, Array], support: Array, loads: InertialLoads,
-        forces: ForceBlock, of_sensors: Sequence[Mapping[str, Array]], unusual: tuple[bool, bool, bool],
+        forces: ForceBlock, of_sensors: Sequence[Mapping[str, Array]], anomalies: tuple[bool, bool, bool],
     ) -> OutputBlock:  # fmt: skip
         """Return what the steps of the pipeline found for a block.
 
@@ -163,8 +163,8 @@ class OutputBlock(Ticks):
             Of the mounts.
         of_sensors
             Measured and predicted specific force of the accelerometers.
-        unusual
-            Values of ``lacking``, ``loaded`` and ``misread``.
+        anomalies
+            Values of ``incomplete``, ``loaded`` and ``misread``.
         """
         free, free_covariance = accel
         return OutputBlock(
@@ -176,8 +176,8 @@ class OutputBlock(Ticks):
             inertial_load_covariance=loads.covariance(free_covariance, free[-1]),
             mount_force=forces.force, mount_force_std=forces.std, mount_force_std_equilibrium=forces.std_equilibrium,
             mount_force_std_model=forces.std_model, mount_deflection=forces.deflection, mount_rate=forces.rate,
-            mount_deflection_std=forces.deflection_std, measured=of_sensors[0], predicted=of_sensors[1], lacking=unusual[0],
-            loaded=unusual[1], misread=unusual[2],
+            mount_deflection_std=forces.deflection_std, measured=of_sensors[0], predicted=of_sensors[1], incomplete=anomalies[0],
+            loaded=anomalies[1], misread=anomalies[2],
         )  # fmt: skip
 
     @property

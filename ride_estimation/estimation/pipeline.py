@@ -312,9 +312,9 @@ class Pipeline:
         self._due = learn
         self._ticks, self._invalid_ticks = self._ticks + ticks, self._invalid_ticks + lost
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
-        unusual = not complete, self._forces.loaded, bool(self._forces.misread_variance.any())
+        anomalies = not complete, self._forces.loaded, bool(self._forces.misread_variance.any())
         read = [{name: part[:, own] for name, own in layout.own_columns} for part in (measured, predicted)]
-        return OutputBlock.of(block.stamps_ns, motion, (accel, accel_covariance), support, self._loads, forces, read, unusual)
+        return OutputBlock.of(block.stamps_ns, motion, (accel, accel_covariance), support, self._loads, forces, read, anomalies)
 
     def _checked(self, block: Block, dt: float) -> tuple[Block, GateVerdict]:
         """Return the block with every sensor in its place and what may be used of it; what faulty sensors taught is forgotten."""

@@ -16,7 +16,7 @@ from ride_estimation.api.replaying import all_warnings
 from ride_estimation.estimation import offline
 from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.model.run_forces import RunForces
-from ride_estimation.estimation.model.smoothed_forces import Doubts, SmoothedForces, _faded
+from ride_estimation.estimation.model.smoothed_forces import Anomalies, SmoothedForces, _faded
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.signals.recording import Channel, Recording
@@ -35,11 +35,11 @@ def drawn(seed: int = 41, duration: float = 12.0, kind: str = "air"):
 
 def test_a_model_counts_where_it_explains_what_the_online_estimate_suspects() -> None:
     kinds = np.array([(False, False, False), (True, False, False), (False, False, True), (False, True, False)]).T
-    doubts = Doubts(kinds[0], kinds[1], kinds[2])
-    assert doubts.ordinary(RunForces()).tolist() == [True, False, False, False]
-    assert doubts.ordinary(RunForces(findings=("a law is not linear",))).tolist() == [True, False, True, False]
-    assert doubts.ordinary(RunForces(faults=("a.gain.x",))).tolist() == [True, True, True, False]
-    assert doubts.ordinary(RunForces(load="a load")).tolist() == [True, False, True, True]
+    anomalies = Anomalies(kinds[0], kinds[1], kinds[2])
+    assert anomalies.ordinary(RunForces()).tolist() == [True, False, False, False]
+    assert anomalies.ordinary(RunForces(findings=("a law is not linear",))).tolist() == [True, False, True, False]
+    assert anomalies.ordinary(RunForces(faults=("a.gain.x",))).tolist() == [True, True, True, False]
+    assert anomalies.ordinary(RunForces(load="a load")).tolist() == [True, False, True, True]
 
 
 def test_forces_of_the_model_fade_out_before_and_in_after_what_it_does_not_describe() -> None:

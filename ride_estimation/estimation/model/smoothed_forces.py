@@ -56,12 +56,12 @@ class SmoothedForces:
 
 
 @dataclasses.dataclass(frozen=True)
-class Doubts:
+class Anomalies:
     """What the online estimator found unusual, per tick, shape (N,) each.
 
     Attributes
     ----------
-    lacking
+    incomplete
         A sensor that the deflections rest on was lost or suspect.
     loaded
         There was a load that the vehicle file does not contain.
@@ -69,7 +69,7 @@ class Doubts:
         A base sensor read too much or too little.
     """
 
-    lacking: BoolArray
+    incomplete: BoolArray
     loaded: BoolArray
     misread: BoolArray
 
@@ -80,11 +80,11 @@ class Doubts:
         its tolerance, that is why sensors are suspect; a load and a law that is not linear make readings of a base suspect.
         """
         explained = bool(model.findings or model.faults or model.load)
-        return ~((self.loaded & (not model.load)) | (self.lacking & (not model.faults)) | (self.misread & (not explained)))
+        return ~((self.loaded & (not model.load)) | (self.incomplete & (not model.faults)) | (self.misread & (not explained)))
 
 
 def smoothed_forces(
-    signals: Mapping[str, NDArray[Any]], doubts: Doubts, model: RunForces, parameters: Sequence[Estimate],
+    signals: Mapping[str, NDArray[Any]], anomalies: Anomalies, model: RunForces, parameters: Sequence[Estimate],
     amplitude_std: Mapping[str, float],
 ) -> SmoothedForces | str:  # fmt: skip
     """Return the forces of a finished run, or why there are no better ones than live.
@@ -93,7 +93,7 @@ def smoothed_forces(
     ----------
     signals
         Online estimates of N ticks: ``stamp_ns``, ``mount_force``, ``mount_force_std`` and ``mount_deflection``.
-    doubts
+    anomalies
         What the online estimator found unusual.
     model
         Forces by the model of the whole run.
@@ -101,7 +101,7 @@ def smoothed_forces(
         As estimated online in the end, and what dependence on the amplitude adds to them.
     """
     force, std, deflection = (signals[n].copy() for n in ("mount_force", "mount_force_std", "mount_deflection"))
-    recognised = bool(doubts.loaded.any())
+    recognised = bool(anomalies.loaded.any())
     if model.refused:
         if recognised or not model.load:
             return model.refused
@@ -109,7 +109,7 @@ def smoothed_forces(
         return SmoothedForces(force, std, deflection, 0.0, not_modelled=model.refused, load=model.load)
     # a force beside a law, a load and a faulty sensor explain why laws are not valid
     reason = "" if model.findings or model.load or model.faults else _not_linear(parameters)
-    trusted = _faded(doubts.ordinary(model), signals["stamp_ns"])
+    trusted = _faded(anomalies.ordinary(model), signals["stamp_ns"])
     share = model.fade_in(signals["stamp_ns"], trusted, force, std, deflection, 2 if reason else 3)
     if not all(np.isfinite(values).all() for values in (force, std, deflection)):
         return "the forces of the model are not finite: the sensors contradict each other beyond use for a time"
