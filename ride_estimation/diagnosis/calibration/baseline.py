@@ -273,8 +273,7 @@ def _tilt_columns(view: RunView) -> Iterator[tuple[Adjustable, ComplexArray]]:
     """Yield how much of every possible tilt the brackets really follow."""
     plant = view.plant
     for tilt, share in zip(plant.tilts, plant.tilt_share):
-        usual, std = tilt.usual
-        item = Adjustable(tilt.kind, tilt.place, tilt.axis, std, usual - float(share))
+        item = Adjustable(tilt.kind, tilt.place, tilt.axis, tilt.usual_std, tilt.usual - float(share))
         yield item, tilt_spectrum(plant, view.response, tilt.slope, view.data.input_spectrum)
 
 

@@ -381,7 +381,7 @@ def moved_plant(
 def seen_from(plant: Plant, adjustables: Sequence[Adjustable]) -> tuple[Adjustable, ...]:
     """Return adjustables with their offsets from the errors that a plant holds already."""
     errors = {**plant.reading_errors, **plant.body_errors}
-    tilts = {(t.kind, t.place, t.axis): t.usual[0] - float(share) for t, share in zip(plant.tilts, plant.tilt_share)}
+    tilts = {(t.kind, t.place, t.axis): t.usual - float(share) for t, share in zip(plant.tilts, plant.tilt_share)}
     out = []
     for a in adjustables:
         key = (a.kind, a.place, a.axis)

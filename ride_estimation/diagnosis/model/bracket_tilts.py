@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Collection
 
 import numpy as np
@@ -13,9 +14,9 @@ from ride_estimation.vehicles.prior import TWIST_SHARE, TWIST_SHARE_STD
 
 Array = NDArray[np.float64]
 
-#: a frame is rigid or rests on a rig that only translates; its twist is that of the estimator
-_USUAL = {"tilt": (1.0, 0.5), "twist": (TWIST_SHARE, TWIST_SHARE_STD)}
-TILT_KINDS = frozenset(_USUAL)
+#: share of a rigid tilt that brackets follow, and its standard deviation [-]: a frame is rigid or stands on a rig that translates
+_RIGID_SHARE, _RIGID_STD = 1.0, 0.5
+TILT_KINDS = frozenset({"tilt", "twist"})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,23 +35,23 @@ class BracketTilt:
         ``frame`` or a mount; ``roll`` or ``pitch``.
     slope
         Roll, pitch, yaw of the brackets from twice integrated readings, shape (nb, nu).
+    usual, usual_std
+        Share of it that brackets follow where nothing is known, and its standard deviation [-].
     """
 
     kind: str
     place: str
     axis: str
     slope: Array
-
-    @property
-    def usual(self) -> tuple[float, float]:
-        """Return by what share of it brackets follow this tilt where nothing is known, and its standard deviation [-]."""
-        return _USUAL[self.kind]
+    usual: float = _RIGID_SHARE
+    usual_std: float = _RIGID_STD
 
 
 def bracket_tilts(mounts: tuple[str, ...], rigid: Array, twist: Array) -> tuple[BracketTilt, ...]:
     """Return the tilts of a rigid frame and, bracket by bracket, of a twisting one that the base sensors show at all.
 
-    Three brackets show no twist, so what they show as tilt may be twist: each follows it by a share of its own.
+    Three brackets show no twist, so what they show as tilt may be twist: each follows it by a share of its own. What all brackets
+    have in common is as uncertain as the one share that the estimator has for them.
 
     Parameters
     ----------
@@ -67,8 +68,11 @@ def bracket_tilts(mounts: tuple[str, ...], rigid: Array, twist: Array) -> tuple[
         own = {m: 3 * j + part for j, m in enumerate(mounts)}
         out.append(BracketTilt("tilt", "frame", axis, _only(rigid, set(own.values()) - blind)))
         for m, r in own.items():
-            kind, slope = ("tilt", rigid) if r in blind else ("twist", twist)
-            out.append(BracketTilt(kind, m, axis, _only(slope, {r})))
+            if r in blind:
+                out.append(BracketTilt("tilt", m, axis, _only(rigid, {r})))
+            else:
+                std = TWIST_SHARE_STD * math.sqrt(len(mounts))
+                out.append(BracketTilt("twist", m, axis, _only(twist, {r}), TWIST_SHARE, std))
     return tuple(t for t in out if np.any(t.slope))
 
 

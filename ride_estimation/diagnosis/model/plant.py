@@ -451,7 +451,7 @@ def build_plant(
     warnings = tuple(f"mount {m}: base motion not measured, taken as zero" for m in missing)
     return Plant(
         vehicle, coordinates, mounts, ports, inputs, outputs, mass, gravity_k, port_map, port_base, direct, lever, yaw,
-        tilts, np.array([t.usual[0] for t in tilts]), dc_base, out_a, out_r, out_d, out_b, static, warnings,
+        tilts, np.array([t.usual for t in tilts]), dc_base, out_a, out_r, out_d, out_b, static, warnings,
     )
 
 
