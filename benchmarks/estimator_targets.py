@@ -64,11 +64,9 @@ def joined(blocks: list[OutputBlock], name: str) -> np.ndarray:
 
 def smoothed(pipeline: Pipeline, blocks: list[OutputBlock], data: Measurement) -> SmoothedForces:
     """Return the smoothed forces of a finished run, as ``replay`` computes them, else the live ones."""
-    ticks = [len(b.stamp_ns) for b in blocks]
-    anomalies = Anomalies(*(np.repeat([getattr(b, name) for b in blocks], ticks) for name in ("incomplete", "loaded", "misread")))
     signals = {name: joined(blocks, name) for name in ("stamp_ns", "mount_force", "mount_force_std", "mount_deflection")}
     model = offline.run_forces(recording(data), pipeline.geometry.vehicle)
-    found = smoothed_forces(signals, anomalies, model, pipeline.parameters(), pipeline.amplitude_std())
+    found = smoothed_forces(signals, Anomalies.of(blocks), model, pipeline.parameters(), pipeline.amplitude_std())
     if isinstance(found, str):
         return SmoothedForces(signals["mount_force"], signals["mount_force_std"], signals["mount_deflection"], 0.0)
     return found

@@ -321,7 +321,7 @@ def _joined(
     measured = {n: np.concatenate([b.measured[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors}
     predicted = {n: np.concatenate([b.predicted[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors}
     views = _views(blocks, {**signals, "stamp_ns": stamps, "valid": valid})
-    anomalies = Anomalies(*(np.repeat([getattr(b, name) for b in blocks], ticks) for name in ("incomplete", "loaded", "misread")))
+    anomalies = Anomalies.of(blocks)
     blocks.clear()  # a long run is not held twice while it is smoothed
     return OfflineRun(
         mount_names=pipeline.geometry.mount_names,

@@ -81,7 +81,7 @@ def place(a: Adjustable) -> int:
         return slow.cg.start + AXES.index(a.axis)
     if a.kind == "inertia":
         entries = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-        return [*range(*slow.log_inertia.indices(99)), *range(*slow.inertia_products.indices(99))][entries.index(a.axis)]
+        return int(np.r_[slow.log_inertia, slow.inertia_products][entries.index(a.axis)])
     return slow.sensors[a.place][a.kind].start + (AXES.index(a.axis) if a.axis else 0)
 
 

@@ -304,10 +304,6 @@ class MountForceEstimator:
         self._strain = (self._gain_slow @ (self._weight() - weight)).reshape(self._count, 3)
         self.static_force = self.static_force + self._strain
 
-    def _rest(self) -> Array:
-        """Return the forces at rest to which the mount law adds those of the deflections, shape (M, 3)."""
-        return self.static_force
-
     def observe(
         self,
         deflection: DeflectionBlock,
@@ -339,7 +335,7 @@ class MountForceEstimator:
         x, v = np.empty_like(value), np.empty_like(value)
         turned_motion(value, rate, deflection.turn, turn_rate, self.follow, self.known, x, v)
         tension = self.law.tension(x, v, dt)
-        static_force = self._rest()
+        static_force = self.static_force
         if measured.all():
             self._watch(x, v, support, dt)
         if self._time >= self._until:

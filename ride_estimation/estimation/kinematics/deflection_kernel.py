@@ -16,7 +16,7 @@ from ride_estimation.jit import compile_kernel
 Array = NDArray[np.float64]
 
 #: largest rotation of the body against a bracket that is believed [rad]
-LARGEST_TURN = 0.3
+_LARGEST_TURN = 0.3
 #: shortest time in which a mount goes through its largest travel [s]: 100 m/s at a metre, beyond any drop of a vehicle
 SHORTEST_TRAVEL = 0.01
 
@@ -86,7 +86,7 @@ def _turn_against_brackets(state: Array, dt: float, tilt_maps: Array, frame_turn
                 for b in range(3):
                     total += tilt_maps[i, a, 3 * j + b] * (state[0, j, b] + dt * state[1, j, b])
             # a faulty sensor must not turn the cab over: beyond this the tilt would feed itself
-            turn[i, a] = min(max(total, -LARGEST_TURN), LARGEST_TURN)
+            turn[i, a] = min(max(total, -_LARGEST_TURN), _LARGEST_TURN)
 
 
 @compile_kernel

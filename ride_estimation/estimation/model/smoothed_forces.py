@@ -14,6 +14,7 @@ from scipy import ndimage
 from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.estimation.model.run_forces import RunForces
 from ride_estimation.estimation.model.run_parameters import beside_online
+from ride_estimation.estimation.output import OutputBlock
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -73,6 +74,12 @@ class Anomalies:
     loaded: BoolArray
     misread: BoolArray
 
+    @classmethod
+    def of(cls, blocks: Sequence[OutputBlock]) -> Anomalies:
+        """Return those of the blocks of a run."""
+        ticks = [len(b.stamp_ns) for b in blocks]
+        return cls(*np.repeat([(b.incomplete, b.loaded, b.misread) for b in blocks], ticks, axis=0).T)
+
     def ordinary(self, model: RunForces) -> BoolArray:
         """Return per tick whether the vehicle was one that a model describes, shape (N,).
 
@@ -100,11 +107,11 @@ def smoothed_forces(
     parameters, amplitude_std
         As estimated online in the end, and what dependence on the amplitude adds to them.
     """
-    force, std, deflection = (signals[n].copy() for n in ("mount_force", "mount_force_std", "mount_deflection"))
     recognised = bool(anomalies.loaded.any())
+    if model.refused and (recognised or not model.load):
+        return model.refused
+    force, std, deflection = (signals[n].copy() for n in ("mount_force", "mount_force_std", "mount_deflection"))
     if model.refused:
-        if recognised or not model.load:
-            return model.refused
         std = np.hypot(std, model.load_share * np.abs(force))
         return SmoothedForces(force, std, deflection, 0.0, not_modelled=model.refused, load=model.load)
     # a force beside a law, a load and a faulty sensor explain why laws are not valid
