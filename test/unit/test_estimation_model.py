@@ -179,6 +179,16 @@ def test_transform_and_back_are_inverse_in_the_band() -> None:
     np.testing.assert_allclose(lines.back(lines.transform(x)), x, atol=1e-9)
 
 
+def test_a_segment_that_ends_unlike_it_begins_does_not_ring() -> None:
+    lines = Lines.of(500, DT)
+    time = np.arange(lines.count) * DT
+    values = np.stack([0.01 * time, 0.02 * time + 0.003 * np.sin(2.0 * np.pi * 6.0 * time)], axis=1)
+    spectrum, jump = lines.transform(values), -np.array([0.01, 0.02]) * lines.count * DT / np.sqrt(lines.count)
+    wanted = values - values.mean(axis=0)
+    assert np.abs(lines.back(spectrum) - wanted)[[0, -1]].max() > 0.005
+    np.testing.assert_allclose(lines.back(spectrum) + lines.leap(jump), wanted, atol=1e-12)
+
+
 def test_what_ends_abruptly_does_not_fill_quiet_lines() -> None:
     lines = Lines.of(2500, DT)
     t = np.arange(2500) * DT

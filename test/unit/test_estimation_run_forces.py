@@ -103,9 +103,12 @@ def test_forces_are_near_the_truth_and_no_surer_than_they_are(drive_and_forces: 
 
 def test_forces_at_the_end_of_a_run_are_as_near_as_is_stated(drive_and_forces: tuple[Measurement, Vehicle, RunForces]) -> None:
     data, _, found = drive_and_forces
-    error, std, size = judged(data, found, (0.1, 3.0))
+    error, std, size = judged(data, found, (0.0, 3.0))
     # by the transform alone 54 %
     assert (np.sqrt(np.mean(error**2, axis=0)) / size)[:, :2].mean() < 0.1
+    # where its lines end it rings: the last error was 1.6 times that of the sixth sample from the end
+    last, before = (np.sqrt(np.mean((error[-n] / size) ** 2)) for n in (1, 6))
+    assert last < 1.3 * before
     assert np.mean(np.abs(error) < 2.0 * std) > 0.9
     end, inside = (np.mean(judged(data, found, part)[1] ** 2, axis=(0, 1)) for part in ((0.0, 0.5), (6.0, 99.0)))
     assert np.all(end[:2] > 1.1 * inside[:2]) and np.all(end < 9.0 * inside)

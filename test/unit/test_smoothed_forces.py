@@ -19,6 +19,7 @@ from ride_estimation.estimation.model.run_forces import RunForces
 from ride_estimation.estimation.model.smoothed_forces import Anomalies, SmoothedForces, _faded
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.pipeline import Pipeline
+from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Channel, Recording
 
 RATE = 100.0
@@ -100,6 +101,25 @@ def test_a_load_of_which_only_the_cg_is_seen_widens_smoothed_forces_and_is_said(
     without, loaded = runs
     np.testing.assert_allclose(loaded.force_std, np.hypot(without.force_std, 0.2 * np.abs(without.force)))
     assert ["the CG is elsewhere" in all_warnings(record, vehicle, {}, run) for run in runs] == [False, True]
+
+
+def test_axes_with_a_transducer_keep_what_it_measures() -> None:
+    data, vehicle, record = drawn()
+    mount = vehicle.mounts["front_left"]
+    sensor = Sensor(
+        "travel", "displacement", "/travel", mount.base, mount="front_left", axis="z", position=mount.position, noise_std=2e-5
+    )
+    rng = np.random.default_rng(3)
+    stamps = START_NS + np.round(data.time * 1e9).astype(np.int64)
+    travel = data.truth["deflection"][:, 0, 2] + 2e-5 * rng.standard_normal(len(stamps))
+    channel = Channel("travel", stamps, travel[:, None], stamps + 2_000_000)
+    told = dataclasses.replace(vehicle, sensors={**vehicle.sensors, "travel": sensor})
+    run = run_offline(Recording("travel", {**record.channels, "travel": channel}), Pipeline(told))
+    assert isinstance(run.smoothed, SmoothedForces)
+    row = np.round((run.stamp_ns - START_NS) * 1e-9 * RATE).astype(int)
+    good = (row >= 2.0 * RATE) & (row < len(stamps))
+    # mount axes against cab axes: a rotation of 0.02 rad of 10 mm at most
+    assert np.std(run.deflection[good, 0, 2] - data.truth["deflection"][row[good], 0, 2]) < 1e-4
 
 
 def test_where_a_base_sensor_is_missing_the_online_estimate_stands() -> None:

@@ -86,6 +86,7 @@ def smooth(joint: JointEstimate, readings: Array, silent: NDArray[np.bool_] | No
     factor, held = plant.mass_factor
     v[:, plant.states.motion] += np.matmul(p.response.accel, segment.second_accel[:, :, None])[:, :, 0]
     moving = segment.lines.back(v)
+    moving[:, plant.states.motion] += segment.lines.leap(p.ends)
     d = model.dynamics
     variance += _mend_ends(model, moving, error.ends(moving), segment.lines.dt)
     shape = (len(readings), len(plant.mounts), 3)

@@ -64,6 +64,15 @@ class Lines:
         full[:, 1 : len(values) + 1] = values.T * np.sqrt(self.count)
         return np.asarray(np.fft.irfft(full, self.count)).T
 
+    def leap(self, jump: Array) -> Array:
+        """Return what :meth:`back` misses of values that differ between the ends of the segment, shape (N, K).
+
+        Continued periodically they leap there by the difference ``x_0 - x_N``, given as transforms count it, shape (K,). That is a
+        sawtooth ``-n / N``, and it has its spectrum in all lines: without those that are not used it rings (Gibbs).
+        """
+        sawtooth = 0.5 - (np.arange(self.count)[:, None] + 0.5) / self.count
+        return np.asarray(np.sqrt(self.count) * (sawtooth - self.back(self.transform(sawtooth))) * jump)
+
     def taper(self, spectrum: Complex) -> Complex:
         """Return the transform (F, K) after a Hann window that keeps the power: ends do not leak into quiet lines."""
         padded = np.pad(spectrum, ((1, 1), (0, 0)))
