@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 #: standard deviation of shares and shifts of bracket tilt [-, m]
 _SHARES_STD = np.array([TWIST_SHARE_STD, 0.15, TWIST_SHARE_STD, 0.15])
-#: triaxial accelerometers on a body that its motion needs
+#: triaxial accelerometers that rigid motion needs
 _LEAST_SENSORS = 3
 #: length of a projected unit vector below which it depends on those before
 _DEPENDENT = 1e-6
@@ -280,9 +280,15 @@ class Plant:
         arms[:, 3:] /= size
         return bool(np.linalg.svd(arms, compute_uv=False)[-1] > _TOLD_APART)
 
+    @property
+    def of_bases(self) -> NDArray[np.int64]:
+        """Return which of the readings are of sensors of the base."""
+        return np.arange(3 * len(self.base_sensors)) + 3 * len(self.geometry.body_sensors)
+
     def enough_without(self, sensor: str) -> bool:
-        """Return whether the motion of the body is measured without one of the sensors."""
-        return sum(s.triaxial and s.name != sensor for s in self.geometry.body_sensors) >= _LEAST_SENSORS
+        """Return whether the motion of the body and the rigid one of the base are measured without one of the sensors."""
+        places: Sequence[Sensor] = self.base_sensors if sensor in self.base_of else self.geometry.body_sensors
+        return sum(s.triaxial and s.name != sensor for s in places) >= _LEAST_SENSORS
 
     @property
     def findings(self) -> tuple[str, ...]:

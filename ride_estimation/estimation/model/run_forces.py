@@ -82,7 +82,7 @@ class RunForces:
         stamp_ns
             Shape (N,), equally spaced.
         trusted
-            How far the run is one the model describes, 0 to 1, shape (N,).
+            How far the run is one the model describes, 0 to 1, shape (2, N): with all sensors of the base, and without one.
         force, std, deflection
             Shape (N, M, 3).
         axes
@@ -106,7 +106,7 @@ class RunForces:
             at = np.flatnonzero((time >= 0.0) & (time <= own[-1]))
             if len(at) < 2:
                 continue
-            weight = (trusted * inside)[at, None, None]
+            weight = (trusted[int(segment.base_silent)] * inside)[at, None, None]
             share[at] += weight[:, 0, 0] * (1.0 - share[at])
             for values, found in ((force, segment.force[..., :axes]), (deflection, segment.deflection[..., :axes])):
                 before = values[at, :, :axes]
@@ -158,7 +158,7 @@ def run_forces(recording: Recording, vehicle: Vehicle) -> RunForces:
     smoothed = []
     # where there are both, what needs no bridge comes last and counts
     for bridge in found.bridges:
-        if bridge.sensor not in joint.plant.base_of and joint.plant.enough_without(bridge.sensor):
+        if joint.plant.enough_without(bridge.sensor):
             smoothed += _smoothed(joint, bridge.start_ns, bridge.readings, bridge.silent)
     for start, readings in zip(found.start_ns, found.segments):
         smoothed += _smoothed(joint, start, readings)

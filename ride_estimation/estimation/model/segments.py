@@ -145,6 +145,9 @@ class Segment:
         Rms of the inputs, shape (W,).
     deformation
         Rms of the deformations of the base [m].
+    expected
+        Spectra of the accelerations of these deformations, shape (F, n), where a sensor of the base is silent: what the others do
+        not show of them. None where all are heard and nothing is assumed.
     """
 
     lines: Lines
@@ -160,6 +163,7 @@ class Segment:
     twisting: Array
     size: Array
     deformation: float
+    expected: Array | None = None
 
     @classmethod
     def of(cls, readings: Array, dt: float, plant: Plant, silent: NDArray[np.bool_] | None = None) -> Segment:
@@ -306,9 +310,10 @@ def project(model: Model, segment: Segment) -> Projected:
     inputs -= (1.0 - segment.twisting)[:, None, None] * _applied(model.twist[1], found.drive)
     inputs = white.whiten(late[:, :, None] * inputs)
     jump = white.whiten(late[:, :, None] * np.matmul(rows, found.jump))
-    q, r = np.linalg.qr(inputs, mode="complete")
+    heard = inputs.shape[1]
+    q, r = np.linalg.qr(_with_expected(segment, plant.states.deforming, inputs), mode="complete")
     count = inputs.shape[2]
-    basis, free, root = q[:, :, :count], q[:, :, count:].conj().transpose(0, 2, 1), r[:, :count]
+    basis, free, root = q[:, :heard, :count], q[:, :heard, count:].conj().transpose(0, 2, 1), r[:, :count]
     left, over = np.matmul(free, seen[:, :, None])[:, :, 0], np.matmul(free, jump)
     unroot = np.linalg.inv(root)
     prior = ends_std(plant, _inverted(basis, unroot, seen), lines)
@@ -319,6 +324,15 @@ def project(model: Model, segment: Segment) -> Projected:
     cost = float(np.sum(np.abs(left) ** 2)) + 0.5 * float(np.sum((ends / prior) ** 2))
     free = white.transform(free)
     return Projected(found, late, white, free, left, over, ends, information, basis, root, unroot, second, seen, jump, cost)
+
+
+def _with_expected(segment: Segment, deforming: slice, inputs: Complex) -> Complex:
+    """Return whitened rows of the inputs, shape (F, C, W), and below them those of deformations that read zero, as expected."""
+    if segment.expected is None:
+        return inputs
+    rows = np.zeros((len(inputs), segment.expected.shape[1], inputs.shape[2]), dtype=np.complex128)
+    rows[:, :, deforming] = (segment.expected**-0.5)[:, :, None] * np.eye(segment.expected.shape[1])
+    return np.concatenate([inputs, rows], axis=1)
 
 
 def _second_readings(model: Model, segment: Segment, found: Response) -> Complex:
@@ -381,13 +395,24 @@ def states_of(model: Model, segment: Segment, p: Projected) -> tuple[Complex, Ar
     """
     lines, states = segment.lines, model.plant.states
     raw = p.inputs()
-    power = input_power(lines, raw, p.input_noise)
+    power, shrinks = shrinkage(segment, states.deforming, input_power(lines, raw, p.input_noise))
     information = np.matmul(p.root.conj().transpose(0, 2, 1), p.root)
-    total = information + np.eye(raw.shape[1]) / power[:, :, None]
+    total = information + np.eye(raw.shape[1]) * shrinks[:, :, None]
     drive = np.linalg.solve(total, np.matmul(information, raw[:, :, None]))[:, :, 0]
     deforms = (1.0 / (1.0 + (DEFORMS_HZ / lines.frequency) ** 8))[:, None]
     drive[:, 6:] *= deforms
     return motion_of(states, p, drive, deforms), power
+
+
+def shrinkage(segment: Segment, deforming: slice, power: Array) -> tuple[Array, Array]:
+    """Return the spectra of the inputs and one over them where they still have to shrink estimates, shape (F, W) each.
+
+    Deformations of an expected size are shrunk already.
+    """
+    shrinks = 1.0 / power
+    if segment.expected is not None:
+        power[:, deforming], shrinks[:, deforming] = segment.expected, 0.0
+    return power, shrinks
 
 
 def input_power(lines: Lines, raw: Complex, noise: Array) -> Array:
@@ -422,6 +447,10 @@ def renew(model: Model, segment: Segment, p: Projected) -> None:
     slopes = slopes_of_laws(plant, model.constants, model.dynamics, both[:, :-3])
     segment.second_slopes = lines.transform(slopes.reshape(lines.count, -1)).reshape(len(lines.frequency), *slopes.shape[1:])
     segment.factor = np.maximum(lines.smooth(excess), 1.0)
+    if segment.expected is not None:
+        # another part of the run tells the size of deformations here only roughly (expectation maximisation)
+        estimated, shown = lines.smooth(np.abs(lines.taper(p.inputs())) ** 2 + p.input_noise), lines.frequency > DEFORMS_HZ
+        segment.expected = np.where(shown[:, None], estimated[:, states.deforming], segment.expected)
     # the twist of a frame is one pattern and known to tilt brackets: the median pattern is what mounts do by themselves
     deforming = power[:, states.deforming]
     own = np.median(deforming, axis=1) / (1.0 + (DEFORMS_HZ / lines.frequency) ** 8)

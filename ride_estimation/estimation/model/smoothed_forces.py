@@ -81,13 +81,16 @@ class Anomalies:
         return cls(*np.repeat([(b.incomplete, b.loaded, b.misread) for b in blocks], ticks, axis=0).T)
 
     def ordinary(self, model: RunForces) -> BoolArray:
-        """Return per tick whether the vehicle was one that a model describes, shape (N,).
+        """Return per tick whether the vehicle was one that a model describes, shape (2, N): with all sensors of the base, and
+        where it does without one.
 
-        No load was found that the model has not, no sensor lost or suspect. Where the model has estimated a sensor's error beyond
-        its tolerance, that is why sensors are suspect; a load and a law that is not linear make readings of a base suspect.
+        No load was found that the model has not, no sensor lost or suspect but the one it does without. Where the model has
+        estimated a sensor's error beyond its tolerance, that is why sensors are suspect; a load and a law that is not linear make
+        readings of a base suspect.
         """
         explained = bool(model.findings or model.faults or model.load)
-        return ~((self.loaded & (not model.load)) | (self.incomplete & (not model.faults)) | (self.misread & (not explained)))
+        beyond = (self.loaded & (not model.load)) | (self.misread & (not explained))
+        return np.stack([~(beyond | (self.incomplete & (not model.faults))), ~beyond])
 
 
 def smoothed_forces(
@@ -129,10 +132,10 @@ def smoothed_forces(
 
 
 def _faded(ordinary: BoolArray, stamp_ns: NDArray[np.int64]) -> Array:
-    """Return 1 where all is ordinary, 0 where it is not, and a ramp of :data:`_FADE` before and after, shape (N,)."""
+    """Return 1 where all is ordinary, 0 where it is not, and a ramp of :data:`_FADE` before and after, over the last axis."""
     width = 2 * round(0.5 * _FADE * 1e9 / float(np.median(np.diff(stamp_ns)))) + 1 if len(stamp_ns) > 1 else 1
-    clear = ndimage.minimum_filter1d(ordinary.astype(float), width, mode="nearest")
-    return np.asarray(ndimage.uniform_filter1d(clear, width, mode="nearest"))
+    clear = ndimage.minimum_filter1d(ordinary.astype(float), width, axis=-1, mode="nearest")
+    return np.asarray(ndimage.uniform_filter1d(clear, width, axis=-1, mode="nearest"))
 
 
 def _not_linear(parameters: Sequence[Estimate]) -> str:

@@ -29,6 +29,7 @@ from ride_estimation.estimation.model.segments import (
     motion_of,
     project,
     renew,
+    shrinkage,
     states_of,
 )  # fmt: skip
 from ride_estimation.estimation.model.sensitivity import Sensitivity, times_real
@@ -57,12 +58,15 @@ class SmoothedSegment:
     nis
         Mean normalised square of what no input explains, in the octave where it is largest: 1 where the model describes
         the segment.
+    base_silent
+        Whether it is estimated without a sensor of the base.
     """
 
     force: Array
     std: Array
     deflection: Array
     nis: float
+    base_silent: bool = False
 
 
 def smooth(joint: JointEstimate, readings: Array, silent: NDArray[np.bool_] | None = None) -> SmoothedSegment:
@@ -79,6 +83,9 @@ def smooth(joint: JointEstimate, readings: Array, silent: NDArray[np.bool_] | No
     """
     plant, model = joint.plant, joint.model()
     segment = Segment.of(readings, joint.dt, plant, silent)
+    base_silent = silent is not None and bool(np.any(silent[plant.of_bases]))
+    if base_silent:
+        segment.expected = _expected_deformation(joint, model, segment)
     p, nis = _settled(model, segment)
     error = _Errors(joint, model, segment, p)
     v = error.states()
@@ -95,7 +102,22 @@ def smooth(joint: JointEstimate, readings: Array, silent: NDArray[np.bool_] | No
     # stiffness, damping and mass are known up to a common factor: where the mass is held its error is that of every force
     variance += (held * force) ** 2
     force = plant.load.in_body_axes(force.reshape(shape))
-    return SmoothedSegment(factor * force, factor * np.sqrt(variance).reshape(shape), deflection.reshape(shape), nis)
+    std = factor * np.sqrt(variance).reshape(shape)
+    return SmoothedSegment(factor * force, std, deflection.reshape(shape), nis, base_silent)
+
+
+def _expected_deformation(joint: JointEstimate, model: Model, segment: Segment) -> Array:
+    """Return the spectra of the deformations of the base that another part of the run lets expect, shape (F, n).
+
+    There all sensors were heard. Motion and deformation grow alike with road and speed: spectra are taken over those of the
+    accelerations that the bases have in both.
+    """
+    plant, lines, before = joint.plant, segment.lines, joint.segments[0]
+    found = _Errors(joint, model, before, project(model, before)).power[:, plant.states.deforming]
+    heard = plant.of_bases[np.isfinite(segment.noise[plant.of_bases])]
+    then, now = (s.lines.smooth(np.abs(s.lines.taper(s.moving[:, heard])) ** 2).sum(axis=1) for s in (before, segment))
+    ratio = (found / then[:, None]).T
+    return np.asarray(now[:, None] * np.stack([np.interp(lines.frequency, before.lines.frequency, r) for r in ratio], axis=1))
 
 
 def _settled(model: Model, segment: Segment) -> tuple[Projected, float]:
@@ -142,11 +164,13 @@ class _Errors:
         self._raw = p.inputs()
         total = segment.lines.smooth(self._noise + np.matmul(self._gain, self._gain.conj().transpose(0, 2, 1)))
         self._variance = variance = np.diagonal(total, axis1=1, axis2=2).real
-        self._shown, self._power = input_power(segment.lines, self._raw, variance), self._expected_power(variance)
-        power = self._shown[:, :, None] * np.eye(len(variance[0]))
-        #: weight of the inputs
+        deforming = model.plant.states.deforming
+        self._shown, shrinks = shrinkage(segment, deforming, input_power(segment.lines, self._raw, variance))
+        #: what the spectra of the inputs are expected to be, shape (F, W)
+        self.power = shrinkage(segment, deforming, self._expected_power(variance))[0]
         self._deforms = 1.0 / (1.0 + (DEFORMS_HZ / segment.lines.frequency) ** 8)
-        self._weight = np.matmul(power, np.linalg.inv(power + total))
+        #: weight of the inputs
+        self._weight = np.linalg.inv(np.eye(len(variance[0])) + total * shrinks[:, None, :])
         self._weight[:, 6:] *= self._deforms[:, None, None]
 
     def _of_slow_states(self, v: Complex) -> Complex:
@@ -194,7 +218,7 @@ class _Errors:
         Its spectrum is the one that weighs the inputs, and where that ends the expected one.
         """
         s, shown = self._model.plant.states, self._deforms[:, None]
-        power = (shown * self._shown + (1.0 - shown) * self._power)[:, s.deforming]
+        power = (shown * self._shown + (1.0 - shown) * self.power)[:, s.deforming]
         raw, noise = self._raw[:, s.deforming], self._variance[:, s.deforming]
         return ends_of(self._segment.lines, raw, power, noise, moving[:, s.deformation], moving[:, s.deformation_rate])
 
@@ -205,7 +229,7 @@ class _Errors:
         force = np.matmul(model.dynamics.force[:, motion], p.response.drive) + model.dynamics.force[:, drive]
         weighted = np.matmul(force, self._weight)
         missed = force - weighted
-        steady = np.einsum("fij,fj,fij->i", missed, self._power, missed.conj()).real
+        steady = np.einsum("fij,fj,fij->i", missed, self.power, missed.conj()).real
         steady += np.einsum("fij,fji->i", np.matmul(weighted, self._noise), weighted.conj().transpose(0, 2, 1)).real
         everything = slice(0, len(v))
         direct = self._sensitivity.forces(v) + np.matmul(

@@ -67,8 +67,8 @@ class Lines:
     def leap(self, jump: Array) -> Array:
         """Return what :meth:`back` misses of values that differ between the ends of the segment, shape (N, K).
 
-        Continued periodically they leap there by the difference ``x_0 - x_N``, given as transforms count it, shape (K,). That is a
-        sawtooth ``-n / N``, and it has its spectrum in all lines: without those that are not used it rings (Gibbs).
+        Continued periodically they leap there by ``x_0 - x_N``, given as transforms count it, shape (K,). That is a sawtooth
+        ``-n / N`` whose spectrum is in all lines: without those that are not used it rings (Gibbs).
         """
         sawtooth = 0.5 - (np.arange(self.count)[:, None] + 0.5) / self.count
         return np.asarray(np.sqrt(self.count) * (sawtooth - self.back(self.transform(sawtooth))) * jump)
