@@ -130,6 +130,8 @@ class OutputBlock(Ticks):
         Whether a sensor that the deflections rest on was lost or suspect.
     loaded, misread
         Whether there was a load that the vehicle file does not contain, and a base sensor that reads too much or too little.
+    left_out
+        Sensors that were heard and not used.
     """
 
     tilt: Array
@@ -143,11 +145,13 @@ class OutputBlock(Ticks):
     incomplete: bool
     loaded: bool
     misread: bool
+    left_out: tuple[str, ...]
 
     @staticmethod
     def of(
         stamp_ns: IntArray, motion: MotionBlock, accel: tuple[Array, Array], support: Array, loads: InertialLoads,
         forces: ForceBlock, of_sensors: Sequence[Mapping[str, Array]], anomalies: tuple[bool, bool, bool],
+        left_out: tuple[str, ...],
     ) -> OutputBlock:  # fmt: skip
         """Return what the steps of the pipeline found for a block.
 
@@ -165,6 +169,8 @@ class OutputBlock(Ticks):
             Measured and predicted specific force of the accelerometers.
         anomalies
             Values of ``incomplete``, ``loaded`` and ``misread``.
+        left_out
+            Sensors.
         """
         free, free_covariance = accel
         return OutputBlock(
@@ -177,7 +183,7 @@ class OutputBlock(Ticks):
             mount_force=forces.force, mount_force_std=forces.std, mount_force_std_equilibrium=forces.std_equilibrium,
             mount_force_std_model=forces.std_model, mount_deflection=forces.deflection, mount_rate=forces.rate,
             mount_deflection_std=forces.deflection_std, measured=of_sensors[0], predicted=of_sensors[1], incomplete=anomalies[0],
-            loaded=anomalies[1], misread=anomalies[2],
+            loaded=anomalies[1], misread=anomalies[2], left_out=left_out,
         )  # fmt: skip
 
     @property
@@ -189,3 +195,16 @@ class OutputBlock(Ticks):
     def inertial_load_std(self) -> Array:
         """Return the standard deviation of the inertial load, shape (6,)."""
         return np.asarray(np.sqrt(np.diag(self.inertial_load_covariance)))
+
+
+def left_out_of(blocks: Sequence[OutputBlock]) -> dict[str, list[tuple[int, int]]]:
+    """Return when sensors were heard and not used: name -> first and last stamp [ns] of every time."""
+    found: dict[str, list[tuple[int, int]]] = {}
+    last: tuple[str, ...] = ()
+    for block in blocks:
+        for name in block.left_out:
+            times = found.setdefault(name, [])
+            begin = times.pop()[0] if name in last else int(block.stamp_ns[0])
+            times.append((begin, int(block.stamp_ns[-1])))
+        last = block.left_out
+    return found

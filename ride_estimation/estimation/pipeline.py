@@ -273,8 +273,9 @@ class Pipeline:
         if block.restart and self._ticks:
             self._restart(block.restart)
         dt = self._dt = block.step_ns * 1e-9
-        ticks, layout = len(block.values), self._layout
+        ticks, layout, heard = len(block.values), self._layout, block.valid
         block, verdict = self._checked(block, dt)
+        silenced = () if block.valid is heard else np.flatnonzero(np.any(heard & ~block.valid, axis=0)).tolist()
         measured = np.take(block.values, layout.body_columns, axis=1)
         gyro = np.take(block.values, layout.gyro_columns, axis=1)
         there = np.take(block.valid, layout.body_streams, axis=1)
@@ -314,7 +315,8 @@ class Pipeline:
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
         anomalies = not complete, self._forces.loaded, bool(self._forces.misread_variance.any())
         read = [{name: part[:, own] for name, own in layout.own_columns} for part in (measured, predicted)]
-        return OutputBlock.of(block.stamps_ns, motion, (accel, accel_covariance), support, self._loads, forces, read, anomalies)
+        found = motion, (accel, accel_covariance), support, self._loads, forces
+        return OutputBlock.of(block.stamps_ns, *found, read, anomalies, tuple(self._sensors[i].name for i in silenced))
 
     def _checked(self, block: Block, dt: float) -> tuple[Block, GateVerdict]:
         """Return the block with every sensor in its place and what may be used of it; what faulty sensors taught is forgotten."""

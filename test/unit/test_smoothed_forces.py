@@ -16,8 +16,10 @@ from ride_estimation.api.replaying import all_warnings
 from ride_estimation.estimation import offline
 from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.model.run_forces import RunForces
+from ride_estimation.estimation.model.run_readings import without_readings
 from ride_estimation.estimation.model.smoothed_forces import Anomalies, SmoothedForces, _faded
 from ride_estimation.estimation.offline import OfflineRun, run_offline
+from ride_estimation.estimation.output import left_out_of
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.sensors.sensor import Sensor
 from ride_estimation.signals.recording import Channel, Recording
@@ -157,6 +159,46 @@ def test_a_base_sensor_lost_while_driving_is_a_reading_less() -> None:
     wrong, std = run.force[good] - data.truth["mount_force"][row[good]], run.force_std[good]
     assert np.mean(np.abs(wrong) <= 2.0 * std) > 0.9
     assert 0.7 < np.median(np.sqrt(np.mean(std**2, axis=0) / np.mean(wrong**2, axis=0))[:, :2]) < 2.5
+
+
+@pytest.mark.parametrize("place", ["base", "body"])
+def test_the_model_goes_on_without_a_sensor_that_goes_wrong(place: str) -> None:
+    """What tests of the sensors found while the run was estimated the model does not find by itself."""
+    data, vehicle, record = drawn(41, 24.0)
+    geometry = geometry_of(vehicle)
+    name = next(s.name for s in (geometry.base_sensors if place == "base" else geometry.body_sensors) if s is not None)
+    channel = record.channels[name]
+    values = np.where(channel.stamp_ns[:, None] - START_NS > 12_000_000_000, 1.6, 1.0) * channel.values
+    wrong = Recording("wrong", {**record.channels, name: dataclasses.replace(channel, values=values)})
+    run = run_offline(wrong, Pipeline(vehicle))
+    assert isinstance(run.smoothed, SmoothedForces) and run.smoothed.share > 0.9
+    later, whole = (error(r, data, r.force, 2.0) for r in (run, run_offline(record, Pipeline(vehicle))))
+    assert np.all(later < 2.0 * whole + 0.02)
+    row = np.round((run.stamp_ns - START_NS) * 1e-9 * RATE).astype(int)
+    good = (row >= 2 * RATE) & (row < len(data.time))
+    error_ = run.force[good] - data.truth["mount_force"][row[good]]
+    assert np.mean(np.abs(error_) <= 2.0 * run.force_std[good]) > 0.9
+
+
+def test_times_in_which_a_sensor_was_not_used_are_joined() -> None:
+    @dataclasses.dataclass
+    class Block:
+        stamp_ns: np.ndarray
+        left_out: tuple[str, ...]
+
+    names: tuple[tuple[str, ...], ...] = ((), ("a",), ("a", "b"), ("b",), (), ("a",))
+    blocks = [Block(100 * n + np.arange(10), left_out) for n, left_out in enumerate(names)]
+    assert left_out_of(blocks) == {"a": [(100, 209), (500, 509)], "b": [(200, 309)]}  # type: ignore[arg-type]
+
+
+def test_readings_are_taken_out_with_what_surrounds_them() -> None:
+    _, _, record = drawn()
+    name = next(iter(record.channels))
+    times = {name: [(START_NS + 5_000_000_000, START_NS + 6_000_000_000)]}
+    rest, whole = without_readings(record, times).channels[name], record.channels[name]
+    seconds = (rest.stamp_ns - START_NS) * 1e-9
+    assert len(rest.stamp_ns) == len(rest.values) == len(rest.arrival_ns) < len(whole.stamp_ns)
+    assert not np.any((seconds > 3.0) & (seconds < 8.0)) and seconds.min() < 0.1 and seconds.max() > 11.0
 
 
 def test_a_break_in_time_makes_two_segments() -> None:

@@ -75,14 +75,14 @@ class RunForces:
     ) -> float:
         """Replace forces, standard deviations and deflections at stamps by those of the model, in place.
 
-        What is faster than the model stays.
+        What is faster than the model stays, but where a sensor is left out.
 
         Parameters
         ----------
         stamp_ns
             Shape (N,), equally spaced.
         trusted
-            How far the run is one the model describes, 0 to 1, shape (2, N): with all sensors of the base, and without one.
+            How far the run is one the model describes, 0 to 1, shape (2, N): with all sensors, and without one.
         force, std, deflection
             Shape (N, M, 3).
         axes
@@ -106,11 +106,13 @@ class RunForces:
             at = np.flatnonzero((time >= 0.0) & (time <= own[-1]))
             if len(at) < 2:
                 continue
-            weight = (trusted[int(segment.base_silent)] * inside)[at, None, None]
+            weight = (trusted[int(segment.bridged)] * inside)[at, None, None]
             share[at] += weight[:, 0, 0] * (1.0 - share[at])
             for values, found in ((force, segment.force[..., :axes]), (deflection, segment.deflection[..., :axes])):
-                before = values[at, :, :axes]
-                slow = before if low_pass is None else signal.sosfiltfilt(low_pass, before, axis=0, padlen=min(len(at) - 1, 200))
+                before = slow = values[at, :, :axes]
+                # where a sensor is left out what is faster than the model may be of that sensor's fault
+                if low_pass is not None and not segment.bridged:
+                    slow = signal.sosfiltfilt(low_pass, before, axis=0, padlen=min(len(at) - 1, 200))
                 values[at, :, :axes] = before + weight * (interpolate.make_interp_spline(own, found, k=5)(time[at]) - slow)
             square = interpolate.make_interp_spline(own, segment.std[..., :axes] ** 2, k=1)(time[at])
             first = std[at, :, :axes] ** 2

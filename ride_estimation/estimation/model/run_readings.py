@@ -6,7 +6,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ SHORTEST_SEGMENT_S = 5.0
 _AROUND_GAP_S = 8.0
 #: highest rate of the model [Hz]: mounts and cabs move below 40 Hz
 _RATE = 125.0
+#: time before a sensor is found to be wrong, and after it is found to be right, in which it may be wrong [s]
+_SPOILED_S = 2.0
 #: degree of the interpolating splines, longest step that is interpolated [periods]
 _SPLINE, _GAP_PERIODS = 7, 3.5
 
@@ -106,6 +108,21 @@ def run_readings(recording: Recording, vehicle: Vehicle) -> RunReadings:
     }
     starts, segments, bridges = _segments(tracks, rate)
     return RunReadings(Plant(dataclasses.replace(vehicle, sensors=quiet)), segments, starts, bridges, 1.0 / rate)
+
+
+def without_readings(recording: Recording, times: Mapping[str, Sequence[tuple[int, int]]]) -> Recording:
+    """Return a recording without the readings of some sensors at some times, name -> first and last stamp [ns] of every time."""
+    channels, margin = dict(recording.channels), round(1e9 * _SPOILED_S)
+    for name, parts in times.items():
+        c = channels[name]
+        kept = np.ones(len(c.stamp_ns), dtype=bool)
+        for first, last in parts:
+            kept &= (c.stamp_ns < first - margin) | (c.stamp_ns > last + margin)
+        variance = None if c.variance is None else c.variance[kept]
+        channels[name] = dataclasses.replace(
+            c, stamp_ns=c.stamp_ns[kept], values=c.values[kept], arrival_ns=c.arrival_ns[kept], variance=variance
+        )
+    return dataclasses.replace(recording, channels=channels)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -81,8 +81,7 @@ class Anomalies:
         return cls(*np.repeat([(b.incomplete, b.loaded, b.misread) for b in blocks], ticks, axis=0).T)
 
     def ordinary(self, model: RunForces) -> BoolArray:
-        """Return per tick whether the vehicle was one that a model describes, shape (2, N): with all sensors of the base, and
-        where it does without one.
+        """Return per tick whether the vehicle was one that a model describes, shape (2, N): with all sensors, and without one.
 
         No load was found that the model has not, no sensor lost or suspect but the one it does without. Where the model has
         estimated a sensor's error beyond its tolerance, that is why sensors are suspect; a load and a law that is not linear make

@@ -58,15 +58,15 @@ class SmoothedSegment:
     nis
         Mean normalised square of what no input explains, in the octave where it is largest: 1 where the model describes
         the segment.
-    base_silent
-        Whether it is estimated without a sensor of the base.
+    bridged
+        Whether it is estimated without one of the sensors.
     """
 
     force: Array
     std: Array
     deflection: Array
     nis: float
-    base_silent: bool = False
+    bridged: bool = False
 
 
 def smooth(joint: JointEstimate, readings: Array, silent: NDArray[np.bool_] | None = None) -> SmoothedSegment:
@@ -83,8 +83,7 @@ def smooth(joint: JointEstimate, readings: Array, silent: NDArray[np.bool_] | No
     """
     plant, model = joint.plant, joint.model()
     segment = Segment.of(readings, joint.dt, plant, silent)
-    base_silent = silent is not None and bool(np.any(silent[plant.of_bases]))
-    if base_silent:
+    if silent is not None and np.any(silent[plant.of_bases]):
         segment.expected = _expected_deformation(joint, model, segment)
     p, nis = _settled(model, segment)
     error = _Errors(joint, model, segment, p)
@@ -103,7 +102,7 @@ def smooth(joint: JointEstimate, readings: Array, silent: NDArray[np.bool_] | No
     variance += (held * force) ** 2
     force = plant.load.in_body_axes(force.reshape(shape))
     std = factor * np.sqrt(variance).reshape(shape)
-    return SmoothedSegment(factor * force, std, deflection.reshape(shape), nis, base_silent)
+    return SmoothedSegment(factor * force, std, deflection.reshape(shape), nis, silent is not None)
 
 
 def _expected_deformation(joint: JointEstimate, model: Model, segment: Segment) -> Array:
