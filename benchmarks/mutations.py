@@ -158,7 +158,7 @@ MUTATIONS = (
         "excess = 1.0", "sensors that contradict each other in the motion",
     ),
     Mutation(
-        "model/segments.py", "total = information + np.eye(raw.shape[1]) / power[:, :, None]", "total = information",
+        "model/segments.py", "total = information + np.eye(raw.shape[1]) * shrinks[:, :, None]", "total = information",
         "noise of the inputs: derivatives are taken at noise",
     ),
     Mutation(
@@ -178,8 +178,8 @@ MUTATIONS = (
         "changes = 0.0 * (direct @ body)", "slow states in the std of smoothed forces",
     ),
     Mutation(
-        "model/smoother.py", "self._weight = np.matmul(power, np.linalg.inv(power + total))",
-        "self._weight = np.broadcast_to(np.eye(power.shape[1]), power.shape).copy()", "noise in the inputs of smoothed forces",
+        "model/smoother.py", "self._weight = np.linalg.inv(np.eye(len(variance[0])) + total * shrinks[:, None, :])",
+        "self._weight = np.broadcast_to(np.eye(len(variance[0])), total.shape).copy()", "noise in the inputs of smoothed forces",
     ),
 )  # fmt: skip
 

@@ -144,5 +144,5 @@ class NumericalGuard:
             inertial_load_covariance=self.largest**2 * np.eye(6), mount_force=forces, mount_force_std=wide,
             mount_force_std_equilibrium=wide, mount_force_std_model=wide, mount_deflection=forces, mount_rate=forces,
             mount_deflection_std=np.ones((mounts, 3)), measured=sensors, predicted=sensors, incomplete=True, loaded=False,
-            misread=False, left_out=(),
+            left_out=(),
         )  # fmt: skip

@@ -128,8 +128,8 @@ class OutputBlock(Ticks):
         Specific force per accelerometer in sensor axes (K, 3) and what the estimated motion predicts there.
     incomplete
         Whether a sensor that the deflections rest on was lost or suspect.
-    loaded, misread
-        Whether there was a load that the vehicle file does not contain, and a base sensor that reads too much or too little.
+    loaded
+        Whether there was a load that the vehicle file does not contain.
     left_out
         Sensors that were heard and not used.
     """
@@ -144,13 +144,12 @@ class OutputBlock(Ticks):
     predicted: Mapping[str, Array]
     incomplete: bool
     loaded: bool
-    misread: bool
     left_out: tuple[str, ...]
 
     @staticmethod
     def of(
         stamp_ns: IntArray, motion: MotionBlock, accel: tuple[Array, Array], support: Array, loads: InertialLoads,
-        forces: ForceBlock, of_sensors: Sequence[Mapping[str, Array]], anomalies: tuple[bool, bool, bool],
+        forces: ForceBlock, of_sensors: Sequence[Mapping[str, Array]], anomalies: tuple[bool, bool],
         left_out: tuple[str, ...],
     ) -> OutputBlock:  # fmt: skip
         """Return what the steps of the pipeline found for a block.
@@ -168,7 +167,7 @@ class OutputBlock(Ticks):
         of_sensors
             Measured and predicted specific force of the accelerometers.
         anomalies
-            Values of ``incomplete``, ``loaded`` and ``misread``.
+            Values of ``incomplete`` and ``loaded``.
         left_out
             Sensors.
         """
@@ -183,7 +182,7 @@ class OutputBlock(Ticks):
             mount_force=forces.force, mount_force_std=forces.std, mount_force_std_equilibrium=forces.std_equilibrium,
             mount_force_std_model=forces.std_model, mount_deflection=forces.deflection, mount_rate=forces.rate,
             mount_deflection_std=forces.deflection_std, measured=of_sensors[0], predicted=of_sensors[1], incomplete=anomalies[0],
-            loaded=anomalies[1], misread=anomalies[2], left_out=left_out,
+            loaded=anomalies[1], left_out=left_out,
         )  # fmt: skip
 
     @property

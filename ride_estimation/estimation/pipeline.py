@@ -313,7 +313,7 @@ class Pipeline:
         self._due = learn
         self._ticks, self._invalid_ticks = self._ticks + ticks, self._invalid_ticks + lost
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
-        anomalies = not complete, self._forces.loaded, bool(self._forces.misread_variance.any())
+        anomalies = not complete, self._forces.loaded
         read = [{name: part[:, own] for name, own in layout.own_columns} for part in (measured, predicted)]
         found = motion, (accel, accel_covariance), support, self._loads, forces
         return OutputBlock.of(block.stamps_ns, *found, read, anomalies, tuple(self._sensors[i].name for i in silenced))

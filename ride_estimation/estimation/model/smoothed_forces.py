@@ -66,30 +66,25 @@ class Anomalies:
         A sensor that the deflections rest on was lost or suspect.
     loaded
         There was a load that the vehicle file does not contain.
-    misread
-        A base sensor read too much or too little.
     """
 
     incomplete: BoolArray
     loaded: BoolArray
-    misread: BoolArray
 
     @classmethod
     def of(cls, blocks: Sequence[OutputBlock]) -> Anomalies:
         """Return those of the blocks of a run."""
         ticks = [len(b.stamp_ns) for b in blocks]
-        return cls(*np.repeat([(b.incomplete, b.loaded, b.misread) for b in blocks], ticks, axis=0).T)
+        return cls(*np.repeat([(b.incomplete, b.loaded) for b in blocks], ticks, axis=0).T)
 
     def ordinary(self, model: RunForces) -> BoolArray:
         """Return per tick whether the vehicle was one that a model describes, shape (2, N): with all sensors, and without one.
 
         No load was found that the model has not, no sensor lost or suspect but the one it does without. Where the model has
-        estimated a sensor's error beyond its tolerance, that is why sensors are suspect; a load and a law that is not linear make
-        readings of a base suspect.
+        estimated a sensor's error beyond its tolerance, that is why sensors are suspect.
         """
-        explained = bool(model.findings or model.faults or model.load)
-        beyond = (self.loaded & (not model.load)) | (self.misread & (not explained))
-        return np.stack([~(beyond | (self.incomplete & (not model.faults))), ~beyond])
+        as_loaded = ~self.loaded | bool(model.load)
+        return np.stack([as_loaded & (~self.incomplete | bool(model.faults)), as_loaded])
 
 
 def smoothed_forces(
