@@ -194,9 +194,12 @@ def test_readings_are_taken_out_with_what_surrounds_them() -> None:
     _, _, record = drawn()
     name = next(iter(record.channels))
     times = {name: [(START_NS + 5_000_000_000, START_NS + 6_000_000_000)]}
-    rest, whole = without_readings(record, times).channels[name], record.channels[name]
+    count = len(record.channels[name].stamp_ns)
+    whole = dataclasses.replace(record.channels[name], order=np.arange(count), variance=np.ones((count, 3)))
+    rest = without_readings(dataclasses.replace(record, channels={**record.channels, name: whole}), times).channels[name]
     seconds = (rest.stamp_ns - START_NS) * 1e-9
-    assert len(rest.stamp_ns) == len(rest.values) == len(rest.arrival_ns) < len(whole.stamp_ns)
+    assert rest.order is not None and rest.variance is not None
+    assert len(rest.stamp_ns) == len(rest.values) == len(rest.arrival_ns) == len(rest.order) == len(rest.variance) < count
     assert not np.any((seconds > 3.0) & (seconds < 8.0)) and seconds.min() < 0.1 and seconds.max() > 11.0
 
 
