@@ -139,12 +139,12 @@ def test_settings_are_those_of_the_node(case: Case, tmp_path: Path, capsys: pyte
     defaults = {k: 0.0 if v is None else v for k, v in dataclasses.asdict(PipelineSettings()).items()}
     plain.write_text(yaml.safe_dump({"/**": {"ros__parameters": {**defaults, "executor": "events"}}}))
     assert load_settings(plain) == PipelineSettings()
-    assert replayed(case, tmp_path / "plain", None, "--settings", str(plain)) == 0
+    assert replayed(case, tmp_path / "plain", None, "--settings", str(plain), "--no-smoothing") == 0
     digests = [json.loads((p / "result.json").read_text())["digest"] for p in (case.out, tmp_path / "plain")]
     assert digests[0] == digests[1]
     other = tmp_path / "other.yaml"
     other.write_text("/**:\n  ros__parameters:\n    rate_hz: 100.0\n    estimate_parameters: false\n    autostart: true\n")
-    assert replayed(case, tmp_path / "other", None, "--settings", str(other)) == 0
+    assert replayed(case, tmp_path / "other", None, "--settings", str(other), "--no-smoothing") == 0
     with np.load(tmp_path / "other" / "signals.npz") as s:
         assert np.allclose(np.diff(s["time_s"]), 0.01)
     for text, words in (
@@ -320,7 +320,8 @@ def test_exchanged_topics_are_named(case: Case, tmp_path: Path) -> None:
         a["topic"], b["topic"] = b["topic"], a["topic"]
 
     vehicle = change_vehicle(case, tmp_path / "v.yaml", exchange)
-    assert main(["replay", str(case.bag), "--vehicle", str(vehicle), "--out", str(tmp_path / "o"), "--no-report"]) == 0
+    options = ["--vehicle", str(vehicle), "--out", str(tmp_path / "o"), "--no-report", "--no-smoothing"]
+    assert main(["replay", str(case.bag), *options]) == 0
     warnings = json.loads((tmp_path / "o" / "result.json").read_text())["warnings"]
     a, b = [n for n, s in load_vehicle(vehicle).sensors.items() if s.body == "cab"][:2]
     assert any(f"exchanged topics of {a} and {b}" in w for w in warnings)
@@ -351,7 +352,7 @@ def test_no_report_of_an_earlier_call_stands_beside_new_results(case: Case, tmp_
     (tmp_path / "pictures").mkdir()
     for name in ("report.html", "report.pdf", "pictures/01_old.png", "mine.html"):
         (tmp_path / name).write_text("old")
-    assert replayed(case, tmp_path) == 0
+    assert replayed(case, tmp_path, None, "--no-smoothing") == 0
     assert sorted(p.name for p in tmp_path.iterdir()) == ["mine.html", "result.json", "signals.npz"]
 
 

@@ -160,7 +160,7 @@ def test_a_base_sensor_lost_while_driving_is_a_reading_less() -> None:
     assert 0.7 < np.median(np.sqrt(np.mean(std**2, axis=0) / np.mean(wrong**2, axis=0))[:, :2]) < 2.5
 
 
-@pytest.mark.parametrize("place", ["base", "body"])
+@pytest.mark.parametrize("place", ["base", pytest.param("body", marks=pytest.mark.slow)])
 def test_the_model_goes_on_without_a_sensor_that_goes_wrong(place: str) -> None:
     """What tests of the sensors found while the run was estimated the model does not find by itself."""
     data, vehicle, record = drawn(41, 24.0)
@@ -171,8 +171,8 @@ def test_the_model_goes_on_without_a_sensor_that_goes_wrong(place: str) -> None:
     wrong = Recording("wrong", {**record.channels, name: dataclasses.replace(channel, values=values)})
     run = run_offline(wrong, Pipeline(vehicle))
     assert isinstance(run.smoothed, SmoothedForces) and run.smoothed.share > 0.9
-    later, whole = (error(r, data, r.force, 2.0) for r in (run, run_offline(record, Pipeline(vehicle))))
-    assert np.all(later < 2.0 * whole + 0.02)
+    later = error(run, data, run.force, 2.0)
+    assert np.median(later[:, :2]) < 0.1 and np.median(later[:, 2]) < 0.05
     row = np.round((run.stamp_ns - START_NS) * 1e-9 * RATE).astype(int)
     good = (row >= 2 * RATE) & (row < len(data.time))
     error_ = run.force[good] - data.truth["mount_force"][row[good]]
