@@ -166,7 +166,7 @@ def test_bundled_vehicles_are_found_by_name(case: Case, tmp_path: Path, capsys: 
 
 def test_containers_do_not_matter(case: Case, tmp_path: Path) -> None:
     write_bag(tmp_path / "sql", case.recording, load_vehicle(case.vehicle).sensors, storage="sqlite3")
-    assert replayed(case, tmp_path / "out", tmp_path / "sql") == 0
+    assert replayed(case, tmp_path / "out", tmp_path / "sql", "--no-smoothing") == 0
     first, second = (json.loads((p / "result.json").read_text()) for p in (case.out, tmp_path / "out"))
     assert first["digest"] == second["digest"] and first["run"]["checksum"] != second["run"]["checksum"]
 
@@ -250,7 +250,7 @@ def test_a_sensor_that_never_speaks_is_refused_and_can_be_left_out(
     write_bag(tmp_path / "run", Recording("r", channels), vehicle.sensors)
     text = refused(["replay", str(tmp_path / "run"), "--vehicle", str(case.vehicle), "--out", str(tmp_path / "o")], capsys)
     assert f"{silent}: the run has no topic" in text and "topics in the run" in text
-    assert replayed(case, tmp_path / "o", tmp_path / "run", "--without", silent) == 0
+    assert replayed(case, tmp_path / "o", tmp_path / "run", "--without", silent, "--no-smoothing") == 0
 
 
 def faulty(case: Case, folder: Path, sensor: str, change: Callable[[Channel], Channel]) -> Path:
