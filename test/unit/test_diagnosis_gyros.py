@@ -338,6 +338,7 @@ def _file_model(data: RunData) -> Model:
     return Model(ModelState(*file_parameters(data.plant)), (), np.zeros(0))
 
 
+@pytest.mark.slow
 def test_a_turned_imu_is_named_once_with_its_angle():
     angle = np.radians(6.0)
     vehicle, run, other = cab((angle, 0.0, 0.0))

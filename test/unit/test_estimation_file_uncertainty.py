@@ -210,6 +210,7 @@ def with_friction(force: float):
     return run, run_pipeline(run, believed_vehicle(run, Belief(), 5302))
 
 
+@pytest.mark.slow
 def test_a_mount_with_friction_is_said_not_to_be_linear_and_its_stiffness_is_not_surely_wrong():
     clean, (_, _, _, healthy) = with_friction(0.0)
     assert not [m for m in healthy.health().messages if "amplitude doubles" in m]

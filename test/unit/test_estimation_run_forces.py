@@ -414,6 +414,7 @@ def test_a_mount_with_friction_has_a_force_beside_its_law_and_all_forces_are_rig
     assert np.mean(np.abs(error) < 2.0 * std) > 0.9
 
 
+@pytest.mark.slow
 def test_a_force_beside_a_law_that_runs_away_is_taken_back(
     drive_and_forces: tuple[Measurement, Vehicle, RunForces], monkeypatch: pytest.MonkeyPatch
 ) -> None:
