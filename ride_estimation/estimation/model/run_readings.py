@@ -118,10 +118,10 @@ def without_readings(recording: Recording, times: Mapping[str, Sequence[tuple[in
         kept = np.ones(len(c.stamp_ns), dtype=bool)
         for first, last in parts:
             kept &= (c.stamp_ns < first - margin) | (c.stamp_ns > last + margin)
-        variance, order = (None if values is None else values[kept] for values in (c.variance, c.order))
         channels[name] = dataclasses.replace(
-            c, stamp_ns=c.stamp_ns[kept], values=c.values[kept], arrival_ns=c.arrival_ns[kept], variance=variance, order=order
-        )
+            c, stamp_ns=c.stamp_ns[kept], values=c.values[kept], arrival_ns=c.arrival_ns[kept],
+            variance=None if c.variance is None else c.variance[kept], order=None if c.order is None else c.order[kept],
+        )  # fmt: skip
     return dataclasses.replace(recording, channels=channels)
 
 
