@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent import futures
 from typing import Any
 
@@ -18,7 +18,7 @@ from ride_estimation.estimation.faults.health import Health
 from ride_estimation.estimation.model.run_forces import RunForces, run_forces
 from ride_estimation.estimation.model.run_readings import without_readings
 from ride_estimation.estimation.model.smoothed_forces import Anomalies, SmoothedForces, smoothed_forces
-from ride_estimation.estimation.output import REPORT_PERIOD_S, OutputBlock, ReportSchedule, Ticks, left_out_of
+from ride_estimation.estimation.output import REPORT_PERIOD_S, LeftOut, OutputBlock, ReportSchedule, Ticks, left_out_of
 from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.signals.recording import Recording
 
@@ -226,9 +226,9 @@ def run_offline(
     with futures.ThreadPoolExecutor(1) as pool:
         model = pool.submit(run_forces, recording, vehicle := pipeline.geometry.vehicle)
 
-        def describing(blocks: Sequence[OutputBlock]) -> RunForces:
+        def describing(left_out: LeftOut) -> RunForces:
             """Return the forces by the model; where it does not describe the run, without the readings that were not used."""
-            found, left_out = model.result(), left_out_of(blocks)
+            found = model.result()
             if not found.refused or not left_out:
                 return found
             again = run_forces(without_readings(recording, left_out), vehicle)
@@ -239,7 +239,7 @@ def run_offline(
 
 def _run(
     recording: Recording, pipeline: Pipeline, on_progress: Callable[[int], None],
-    model: Callable[[Sequence[OutputBlock]], RunForces] | None, on_stage: Callable[[str], None],
+    model: Callable[[LeftOut], RunForces] | None, on_stage: Callable[[str], None],
 ) -> OfflineRun:  # fmt: skip
     blocks: list[OutputBlock] = []
     digest = EstimateDigest()
@@ -319,7 +319,7 @@ class _History:
 
 def _joined(
     blocks: list[OutputBlock], pipeline: Pipeline, parameters: tuple[Estimate, ...], history: ParameterHistory, digest: str,
-    reports: tuple[ParameterReport, ...], model: Callable[[Sequence[OutputBlock]], RunForces] | None,
+    reports: tuple[ParameterReport, ...], model: Callable[[LeftOut], RunForces] | None,
 ) -> OfflineRun:  # fmt: skip
     signals = {name: np.concatenate([getattr(b, name) for b in blocks]) for name in _KEPT}
     ticks = [len(b.stamp_ns) for b in blocks]
@@ -331,7 +331,7 @@ def _joined(
     measured = {n: np.concatenate([b.measured[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors}
     predicted = {n: np.concatenate([b.predicted[n] for b in blocks], dtype=np.float32, casting="same_kind") for n in sensors}
     views = _views(blocks, {**signals, "stamp_ns": stamps, "valid": valid})
-    anomalies, described = Anomalies.of(blocks), None if model is None else model(blocks)
+    anomalies, left_out = Anomalies.of(blocks), left_out_of(blocks)
     blocks.clear()  # a long run is not held twice while it is smoothed
     return OfflineRun(
         mount_names=pipeline.geometry.mount_names,
@@ -346,8 +346,8 @@ def _joined(
         identifiability=pipeline.identifiability(),
         digest=digest,
         smoothed=SWITCHED_OFF
-        if described is None
-        else smoothed_forces({**signals, "stamp_ns": stamps}, anomalies, described, parameters, pipeline.amplitude_std()),
+        if model is None
+        else smoothed_forces({**signals, "stamp_ns": stamps}, anomalies, model(left_out), parameters, pipeline.amplitude_std()),
         blocks=views,
         reports=reports,
     )

@@ -16,6 +16,8 @@ from ride_estimation.estimation.motion.motion_block import MotionBlock
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+#: when sensors were heard and not used: name -> first and last stamp [ns] of every time
+LeftOut = dict[str, list[tuple[int, int]]]
 
 
 #: usual data time between two reports of parameters and of diagnostics [s]
@@ -196,9 +198,9 @@ class OutputBlock(Ticks):
         return np.asarray(np.sqrt(np.diag(self.inertial_load_covariance)))
 
 
-def left_out_of(blocks: Sequence[OutputBlock]) -> dict[str, list[tuple[int, int]]]:
-    """Return when sensors were heard and not used: name -> first and last stamp [ns] of every time."""
-    found: dict[str, list[tuple[int, int]]] = {}
+def left_out_of(blocks: Sequence[OutputBlock]) -> LeftOut:
+    """Return when sensors were heard and not used."""
+    found: LeftOut = {}
     last: tuple[str, ...] = ()
     for block in blocks:
         for name in block.left_out:

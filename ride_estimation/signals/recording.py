@@ -16,6 +16,7 @@ from ride_estimation.signals.correction import NO_CORRECTION, Correction
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,6 +49,17 @@ class Channel:
     frame_id: str = ""
     order: IntArray | None = None
     correction: Correction = NO_CORRECTION
+
+    def picked(self, kept: BoolArray) -> Channel:
+        """Return the channel with some of its samples, shape (N,)."""
+        return dataclasses.replace(
+            self,
+            stamp_ns=self.stamp_ns[kept],
+            values=self.values[kept],
+            arrival_ns=self.arrival_ns[kept],
+            variance=None if self.variance is None else self.variance[kept],
+            order=None if self.order is None else self.order[kept],
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,17 +138,7 @@ def part_of(recording: Recording, start_s: float | None, end_s: float | None) ->
             f"{recording.name}: the part from {begin:g} s to {end:g} s; allowed are 0 <= from < to, from before {whole:.6g} s"
         )
     first, last = (recording.start_ns + round(limit * 1e9) for limit in (begin, min(end, whole)))
-    channels = {}
-    for name, c in recording.channels.items():
-        inside = (c.stamp_ns >= first) & (c.stamp_ns <= last)
-        channels[name] = dataclasses.replace(
-            c,
-            stamp_ns=c.stamp_ns[inside],
-            values=c.values[inside],
-            arrival_ns=c.arrival_ns[inside],
-            variance=None if c.variance is None else c.variance[inside],
-            order=None if c.order is None else c.order[inside],
-        )
+    channels = {n: c.picked((c.stamp_ns >= first) & (c.stamp_ns <= last)) for n, c in recording.channels.items()}
     silent = [name for name, c in channels.items() if not len(c.stamp_ns)]
     if silent:
         raise InputDataError(f"{recording.name}: no sample of {', '.join(silent)} from {begin:g} s to {end:g} s")

@@ -201,18 +201,7 @@ def noisier(vehicle: Vehicle, run: Recording, share: float, seed: int = 0) -> Re
 def between(run: Recording, from_ns: int, to_ns: int) -> Recording:
     """Return the samples with stamps in an interval."""
 
-    def part(c: Channel) -> Channel:
-        keep = (c.stamp_ns >= from_ns) & (c.stamp_ns < to_ns)
-        return dataclasses.replace(
-            c,
-            stamp_ns=c.stamp_ns[keep],
-            values=c.values[keep],
-            arrival_ns=c.arrival_ns[keep],
-            order=None if c.order is None else c.order[keep],
-            variance=None if c.variance is None else c.variance[keep],
-        )
-
-    return changed_channels(run, part)
+    return changed_channels(run, lambda c: c.picked((c.stamp_ns >= from_ns) & (c.stamp_ns < to_ns)))
 
 
 # -- the relations ---------------------------------------------------------------------------------------------------------------

@@ -114,14 +114,11 @@ def without_readings(recording: Recording, times: Mapping[str, Sequence[tuple[in
     """Return a recording without the readings of some sensors at some times, name -> first and last stamp [ns] of every time."""
     channels, margin = dict(recording.channels), round(1e9 * _SPOILED_S)
     for name, parts in times.items():
-        c = channels[name]
-        kept = np.ones(len(c.stamp_ns), dtype=bool)
+        stamps = channels[name].stamp_ns
+        kept = np.ones(len(stamps), dtype=bool)
         for first, last in parts:
-            kept &= (c.stamp_ns < first - margin) | (c.stamp_ns > last + margin)
-        channels[name] = dataclasses.replace(
-            c, stamp_ns=c.stamp_ns[kept], values=c.values[kept], arrival_ns=c.arrival_ns[kept],
-            variance=None if c.variance is None else c.variance[kept], order=None if c.order is None else c.order[kept],
-        )  # fmt: skip
+            kept &= (stamps < first - margin) | (stamps > last + margin)
+        channels[name] = channels[name].picked(kept)
     return dataclasses.replace(recording, channels=channels)
 
 

@@ -91,11 +91,10 @@ class Model:
         """Effect on the readings of gravity, where a bracket does not tilt as its neighbours moved, shape (C, 3 M) [1/s^2]."""
         tilt = self.constants.tilt
         found = np.zeros((len(self.rows), len(tilt)))
-        first = 3 * len(self.plant.geometry.body_sensors)
         for i, s in enumerate(self.plant.base_sensors):
             turn = tilt[3 * i : 3 * i + 3]
             tilted = self.plant.gravity * np.stack([turn[1], -turn[0], 0.0 * turn[2]])
-            found[first + 3 * i : first + 3 * i + 3] = as_read(self.plant, s, self.theta) @ tilted
+            found[self.plant.of_bases[3 * i : 3 * i + 3]] = as_read(self.plant, s, self.theta) @ tilted
         return found
 
     def response(self, lines: Lines) -> Response:
@@ -409,10 +408,11 @@ def shrinkage(segment: Segment, deforming: slice, power: Array) -> tuple[Array, 
 
     Deformations of an expected size are shrunk already.
     """
-    shrinks = 1.0 / power
-    if segment.expected is not None:
-        power[:, deforming], shrinks[:, deforming] = segment.expected, 0.0
-    return power, shrinks
+    if segment.expected is None:
+        return power, 1.0 / power
+    known, shrinks = power.copy(), 1.0 / power
+    known[:, deforming], shrinks[:, deforming] = segment.expected, 0.0
+    return known, shrinks
 
 
 def input_power(lines: Lines, raw: Complex, noise: Array) -> Array:
