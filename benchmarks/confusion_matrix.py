@@ -93,7 +93,7 @@ def stored_case(case: Case, folder: pathlib.Path) -> StoredCase:
 
 
 def run_case(
-    case: Case, folder: pathlib.Path, only_make: bool = False, halves: bool = False, copies: bool = False
+    case: Case, folder: pathlib.Path, only_make: bool = False, halves: bool = False, copies: bool = False, late_s: float = 0.0
 ) -> dict[str, Any]:
     """Make or read the world, diagnose it, return one JSON-ready record."""
     record: dict[str, Any] = {"key": case.record_key, "causes": list(case.causes), "seed": case.seed, "without": case.without}
@@ -106,14 +106,14 @@ def run_case(
     from ride_estimation.diagnosis.common.settings import Settings
     from ride_estimation.diagnosis.diagnose import diagnose
 
-    validation = list(stored.validation)
+    run, *validation = (_part(r, r.name, round(late_s * r.rate_hz), r.samples) for r in (stored.run, *stored.validation))
     if halves:
-        validation += [half for run in stored.validation for half in _halves(run)]
+        validation += [half for other in validation for half in _halves(other)]
     known = set(library()) - set(case.causes) if case.without else None
     began, processor = time.perf_counter(), time.process_time()
     try:
         settings = Settings(stability=copies)
-        diagnosis = diagnose(stored.vehicle, stored.run, validation=validation, settings=settings, causes=known)
+        diagnosis = diagnose(stored.vehicle, run, validation=validation, settings=settings, causes=known)
     except Exception as error:  # a crash is a result of the benchmark, and it is counted
         return record | {"verdict": "error", "found": [], "error": f"{type(error).__name__}: {error}"}
     record |= {"seconds": time.perf_counter() - began, "processor_seconds": time.process_time() - processor}
@@ -140,16 +140,19 @@ def run_case(
     return record
 
 
+def _part(run: Any, name: str, first: int, last: int) -> Any:
+    """Return the samples from ``first`` to before ``last`` of a run."""
+    part = slice(first, last)
+    return dataclasses.replace(
+        run, name=name, data={s: v[part] for s, v in run.data.items()}, valid={s: v[part] for s, v in run.valid.items()}
+    )
+
+
 def _halves(run: Any) -> list[Any]:
     """Return both halves of a run: two stretches of one road whose gains are estimated apart."""
     middle = run.samples // 2
-    return [
-        dataclasses.replace(
-            run, name=f"{run.name}_half_{number}", data={s: v[part] for s, v in run.data.items()},
-            valid={s: v[part] for s, v in run.valid.items()},
-        )
-        for number, part in enumerate((slice(0, middle), slice(middle, None)))
-    ]  # fmt: skip
+    parts = ((0, middle), (middle, run.samples))
+    return [_part(run, f"{run.name}_half_{number}", *part) for number, part in enumerate(parts)]
 
 
 def _jsonable(value: Any) -> Any:
@@ -520,6 +523,7 @@ def main() -> None:
     parser.add_argument("--leave-one-out", action="store_true", help="single effects with their cause taken out of the library")
     parser.add_argument("--gain-coverage", action="store_true", help="measure the gain on both halves of the other road as well")
     parser.add_argument("--copies", action="store_true", help="repeat every answer on perturbed copies of its run")
+    parser.add_argument("--late-s", type=float, default=0.0, help="leave out the first seconds of every run: the body moves then")
     parser.add_argument("--only-make", action="store_true", help="fill the folder of cases and stop")
     parser.add_argument("--summary-only", action="store_true")
     arguments = parser.parse_args()
@@ -542,7 +546,7 @@ def main() -> None:
                     case = next(queue, None)
                     if case is None:
                         break
-                    asked = arguments.only_make, arguments.gain_coverage, arguments.copies
+                    asked = arguments.only_make, arguments.gain_coverage, arguments.copies, arguments.late_s
                     waiting.add(pool.submit(run_case, case, arguments.cases, *asked))
                 if not waiting:
                     break

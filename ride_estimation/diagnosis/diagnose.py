@@ -79,8 +79,6 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 Report = Callable[[float], None]
 
-_FORGOTTEN = 3.0  # time constants after which a twentieth of a free motion is left
-_MOST_TRIMMED = 0.15  # of a run that is left out at either end at most
 _EVEN = 0.5  # probability of the library from which a run is explained
 _MOSTLY_UNEXPLAINED = 0.5  # share of the residual energy above which naming the best candidate would mislead
 
@@ -296,9 +294,6 @@ def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[Run
         plant = build_plant(vehicle, spoke, tolerances.stiffness, tolerances.damping)
         words += tuple(f"the angular rates of {name} are not used: {reason}" for name, reason in wrong.items())
     plant = dataclasses.replace(plant, warnings=(*plant.warnings, *words))
-    # what the body keeps of its start, and of the fading of both ends, is none of the model's errors
-    forgotten = min(_FORGOTTEN * plant.memory_s(*file_parameters(plant), settings.band_hz), _MOST_TRIMMED * duration)
-    settings = dataclasses.replace(settings, trim_s=max(settings.trim_s, forgotten))
     data = RunData(plant, measurement(plant, run), settings)
     if data.blocks.count < LEAST_BLOCKS:
         raise InputDataError(

@@ -128,7 +128,7 @@ def _bumps(plant: Plant, data: Measurement, rest: Array) -> Array | None:
 def _right(work: Work, fits: Sequence[FullFit], others: tuple[Fitted, ...], data: Measurement, truth: int) -> float:
     """Return the probability that a candidate run decides between two explanations where that of number ``truth`` is true."""
     plant, settings = work.plant, work.settings
-    predicted = predict(RunData(plant, data, settings), model_of(fits[truth]))
+    predicted = predict(RunData(plant, data, settings), model_of(fits[truth]), at_rest=True)
     moved, known = (float(np.abs(s.deflection).max()) for s in (predicted.view, work.calibrated.view))
     if not predicted.settled or moved > _KNOWN_RANGE * known:
         return 0.0

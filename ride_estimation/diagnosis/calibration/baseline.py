@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.diagnosis.calibration.initial_state import initial_motions
 from ride_estimation.diagnosis.common.effect import Where
 from ride_estimation.diagnosis.model.plant import CHANNELS, Signal
 from ride_estimation.diagnosis.runs.frame import tilt_spectrum
@@ -26,6 +27,7 @@ SingleArray = NDArray[np.float32]
 
 #: errors of single sensors
 OF_SENSORS = ("gain", "misalignment", "position", "delay", "bandwidth")
+INITIAL_STATE = "initial_state"  # kind of what belongs to one run and to no other
 _BATCH = 32  # columns whitened at once: transforms of all of them together take half a gigabyte for a minute
 
 
@@ -37,9 +39,9 @@ class Adjustable:
     ----------
     kind
         ``stiffness``, ``damping`` (natural logarithm), ``cg``, ``inertia``, ``mount_axes``, ``gain``, ``misalignment``,
-        ``position``, ``delay``, ``bandwidth``, ``attitude``, ``tilt``, ``twist``.
+        ``position``, ``delay``, ``bandwidth``, ``attitude``, ``tilt``, ``twist``, ``initial_state``.
     place, axis
-        Port, body or sensor it belongs to; of the gain of an angular rate ``rate_x``, ``rate_y`` or ``rate_z``.
+        Port, body, sensor or mode it belongs to; of the gain of an angular rate ``rate_x``, ``rate_y`` or ``rate_z``.
     prior_std
         In the unit of the number.
     offset
@@ -163,6 +165,9 @@ def baseline_spectra(view: RunView, table: MeanTable, prior: tuple[Array, Array]
         yield item, spectrum, {}
     yield from _sensor_columns(view, table)
     yield from _attitude_columns(view, table)
+    names, std, spectra = initial_motions(view)
+    for number, (mode, name) in enumerate(names):
+        yield Adjustable(INITIAL_STATE, mode, name, float(std[number])), spectra[:, :, number], {}
 
 
 def _port_adjustables(view: RunView, prior: tuple[Array, Array]) -> list[tuple[Adjustable, int, ComplexArray]]:

@@ -85,8 +85,8 @@ class Settings:
     block_s
         Length of the blocks that are dealt to fit, select and judge [s].
     trim_s
-        Stretch left out at both ends and around gaps, because the model has not forgotten its start [s]; more where the vehicle
-        file says that a mode decays more slowly.
+        Stretch left out at both ends and around gaps, where the recording fades and the model has not forgotten most of its
+        start [s]; what is left of the start is estimated (:mod:`ride_estimation.diagnosis.calibration.initial_state`).
     adequacy
         Relative error of a model that still counts as right, share of each channel's amplitude [-].
     over_band

@@ -13,6 +13,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+FADE_S = 1.0  # length of the fading at both ends of a run [s]
 _LAW_RATE = 5.0  # rate at which laws are evaluated over the upper edge of the band, at least
 
 
@@ -152,7 +153,7 @@ def make_grid(samples: int, rate_hz: float, band_hz: tuple[float, float]) -> Fre
     return FrequencyGrid(samples, rate_hz, padded, first, last, min(decimated, padded), band_hz[0], upper)
 
 
-def edge_taper(samples: int, rate_hz: float, length_s: float = 1.0) -> Array:
+def edge_taper(samples: int, rate_hz: float, length_s: float = FADE_S) -> Array:
     """Return a window of ones with half-cosine ends of ``length_s`` seconds, shape (samples,)."""
     count = min(round(length_s * rate_hz), samples // 4)
     ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(count) + 0.5) / max(count, 1))

@@ -180,23 +180,11 @@ class Plant:
         ``q = sum_i phi_i phi_i^T f / w_i^2`` over the modes that come to rest within the run, ``w_i > 2 pi / T``: a body that
         nothing holds, and the head of a bench that is too heavy to move, stay where they are.
         """
-        square, shape = self._modes(stiffness)
+        square, shape = self.modes(stiffness)
         settles = square > (2.0 * np.pi / duration_s) ** 2
         return np.asarray((shape[:, settles] / square[settles]) @ shape[:, settles].T @ wrench)
 
-    def memory_s(self, stiffness: Array, damping: Array, band_hz: tuple[float, float]) -> float:
-        """Return the time constant of the free motion in a band that decays most slowly [s].
-
-        ``2 / (phi^T C phi)`` of a mode of unit modal mass; stiffness and damping of the ports, shape (P,) each.
-        """
-        square, shape = self._modes(stiffness)
-        frequency = np.sqrt(np.maximum(square, 0.0)) / (2.0 * np.pi)
-        inside = (frequency > band_hz[0]) & (frequency < band_hz[1])
-        stretch = self.port_map @ shape[:, inside]
-        rates = 0.5 * damping @ stretch**2
-        return float(1.0 / rates.min()) if len(rates) and rates.min() > 0.0 else 0.0
-
-    def _modes(self, stiffness: Array) -> tuple[Array, Array]:
+    def modes(self, stiffness: Array) -> tuple[Array, Array]:
         """Return squared angular frequencies, shape (n,), and shapes of unit modal mass, (n, n), of the body on its ports."""
         spring = self.port_map.T @ (stiffness[:, None] * self.port_map) + self.gravity_stiffness
         square, shape = eigh(spring, self.mass)

@@ -102,8 +102,7 @@ class RunData:
     def inside(self, spectrum: ComplexArray) -> ComplexArray:
         """Return the spectrum of the analysed stretch of signals, scaled to the level of the whole run, shape (F, q).
 
-        At both ends the model has not forgotten its start and the fading of the recording excites it; what it misses there
-        says nothing about it.
+        At both ends the fading of the recording excites the model; what it misses there says nothing about it.
         """
         level = np.sqrt(self.grid.samples / max(float(np.sum(self._inside**2)), 1.0))
         return self.grid.spectrum(self.grid.signal(spectrum) * (level * self._inside)[:, None])

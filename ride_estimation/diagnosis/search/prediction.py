@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Predicts a run with the calibrated or the extended model without looking at its outputs, and scores the prediction."""
+"""Predicts a run with the calibrated or the extended model from its initial state on, and scores the prediction."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri, stdtrit
 
-from ride_estimation.diagnosis.calibration.baseline import Adjustable, baseline_spectra, mean_table
+from ride_estimation.diagnosis.calibration.baseline import INITIAL_STATE, Adjustable, baseline_spectra, mean_table
+from ride_estimation.diagnosis.calibration.initial_state import found_motion
 from ride_estimation.diagnosis.calibration.linear_model import build_regression, file_parameters, step_factor
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.common.effect import Effect, Where, combined_effects
@@ -108,8 +109,8 @@ class Prediction:
         return self.view.grid.signal(self.view.data.output_spectrum * self.view.grid.band_weight[:, None])
 
 
-def predict(data: RunData, model: Model, blocks: IntArray | None = None) -> Prediction:
-    """Predict a run.
+def predict(data: RunData, model: Model, blocks: IntArray | None = None, at_rest: bool = False) -> Prediction:
+    """Predict a run, from the initial state that its first blocks show.
 
     Parameters
     ----------
@@ -120,6 +121,8 @@ def predict(data: RunData, model: Model, blocks: IntArray | None = None) -> Pred
     blocks
         Blocks on which causes that belong to one run only (a disturbance, a change during the run) may be fitted again;
         None keeps their coefficients.
+    at_rest
+        The run begins at rest, and its outputs are not looked at.
     """
     data = data.with_plant(model.plant or data.plant)
     plant = data.plant
@@ -133,11 +136,14 @@ def predict(data: RunData, model: Model, blocks: IntArray | None = None) -> Pred
         if blocks is not None:
             fitted = [_refitted(view, f, np.asarray(blocks, dtype=int)) for f in fitted]
         view, missed = _settled(view, state, fitted)
-    values = {a.name: v for a, v in zip(model.adjustables, model.coefficients) if a.kind not in ("stiffness", "damping")}
+    elsewhere = ("stiffness", "damping", INITIAL_STATE)
+    values = {a.name: v for a, v in zip(model.adjustables, model.coefficients) if a.kind not in elsewhere}
     adjusted = view.model.predicted_spectrum.copy()
     for a, spectrum, _ in baseline_spectra(view, mean_table(view), file_parameters(plant)):
         if values.get(a.name, 0.0) != 0.0:
             adjusted += values[a.name] * spectrum
+    if not at_rest:
+        adjusted += found_motion(view, data.output_spectrum - adjusted)
     return Prediction(view, adjusted, missed < _GUESS, tuple(fitted))
 
 

@@ -1,0 +1,81 @@
+# Copyright 2026 ride_estimation contributors
+"""Free motion that a run begins with: initial displacement and velocity of every mode, as unknowns of each run.
+
+A recording rarely begins at rest, and the fading of its ends moves a body as well. Both end within a second of the start; what
+the body keeps of them is a free motion of the model, ``M q'' + C q' + K q = 0``, from an unknown state.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.diagnosis.common.spectra import FADE_S
+from ride_estimation.diagnosis.runs.run_view import RunView
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_LEADING = 2  # blocks that the initial state of a predicted run is found in; none of them judges a run that is fitted
+
+
+def initial_motions(view: RunView) -> tuple[list[tuple[str, str]], Array, ComplexArray]:
+    """Return the free motions that the analysed stretch of a run has not forgotten.
+
+    Modes of the band whose free motion is down to what counts as right when that stretch begins are left out.
+
+    Returns
+    -------
+    names
+        Mode and ``displacement`` or ``velocity``.
+    std
+        What the state may be off: as large as the difference of two motions of the run, in modal coordinates
+        [m kg^0.5], [m kg^0.5/s], shape (p,).
+    spectra
+        Outputs from one unit of each at the end of the fading, shape (F, ny, p).
+    """
+    plant, grid, settings = view.plant, view.grid, view.settings
+    stiffness, damping = view.state.linear
+    square, shape = plant.modes(stiffness)
+    decay = 0.5 * damping @ (plant.port_map @ shape) ** 2
+    # beyond critical damping a mode creeps back at the slower of two rates
+    decay = decay - np.sqrt(np.maximum(decay**2 - np.maximum(square, 0.0), 0.0))
+    frequency = np.sqrt(np.maximum(square, 0.0)) / (2.0 * np.pi)
+    kept = np.exp(-decay * max(settings.trim_s - FADE_S, 0.0)) > settings.adequacy
+    modes = np.flatnonzero((frequency > grid.lower_hz) & (frequency < grid.upper_hz) & kept)
+    names, std, spectra = [], [], []
+    iw = 1j * grid.omega
+    start = grid.rate_hz * np.exp(-iw * FADE_S)
+    # what the springs do to a mode says how far it is deflected, whatever the bases do
+    moved = (view.deflection_spectrum * stiffness) @ plant.port_map @ shape[:, modes] / square[modes]
+    for number, mode in enumerate(modes):
+        # a blow as soft as the mode is slow: the overtones of a hard one end at the edge of the band and ring there
+        blow = start * np.exp(0.5 * (1.0 - grid.omega**2 / square[mode]))
+        impulse = view.response.output_from_wrench @ (plant.mass @ shape[:, mode]) * blow[:, None]
+        for name, factor in (("displacement", iw), ("velocity", np.ones_like(iw))):
+            power = np.abs(moved[:, number] * (iw / factor)) ** 2
+            names.append((f"mode_{mode + 1}", name))
+            std.append(2.0 * float(np.sqrt(np.sum(power) / (grid.padded * grid.samples))))
+            spectra.append(impulse * factor[:, None])
+    empty = np.zeros((len(iw), len(plant.outputs), 0), dtype=complex)
+    return names, np.array(std), np.stack(spectra, axis=2) if spectra else empty
+
+
+def found_motion(view: RunView, residual: ComplexArray) -> ComplexArray:
+    """Return the free motion in the outputs that the leading blocks of a residual show, spectra of shape (F, ny) both.
+
+    Least squares with the standard deviations of the state; what a model misses in the other blocks is the noise of the first.
+    """
+    _, std, spectra = initial_motions(view)
+    first, rest = view.blocks.index[:_LEADING].ravel(), view.blocks.index[_LEADING:].ravel()
+    if not len(std) or not len(rest):
+        return np.zeros_like(residual)
+    weight, grid = view.grid.band_weight, view.grid
+    # channels of different units: each in units of what it measures
+    size = np.sqrt(np.sum(np.abs(view.data.output_spectrum * weight[:, None]) ** 2, axis=0))
+    signals = np.concatenate([spectra * std, residual[:, :, None]], axis=2) / np.maximum(size, 1e-300)[:, None]
+    signals = grid.decimated_signal(signals * weight[:, None, None])
+    noise = max(float(np.mean(signals[rest, :, -1] ** 2)), 1e-300)
+    rows = signals[first].reshape(-1, len(std) + 1)
+    normal = rows[:, :-1].T @ rows[:, :-1] / noise + np.eye(len(std))
+    return np.asarray(spectra @ (std * np.linalg.solve(normal, rows[:, :-1].T @ rows[:, -1] / noise)))

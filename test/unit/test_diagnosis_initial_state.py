@@ -1,0 +1,126 @@
+# Copyright 2026 ride_estimation contributors
+"""A recording that begins while the body moves: its initial state is an unknown of the run."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from diagnosis_runs import DAMPING, MASS, STIFFNESS, hiding_law, quarter_car, quarter_car_run
+
+from ride_estimation.diagnosis.answer.result import EXPLAINED, NO_DISCREPANCY
+from ride_estimation.diagnosis.calibration.initial_state import found_motion, initial_motions
+from ride_estimation.diagnosis.calibration.linear_model import calibrate
+from ride_estimation.diagnosis.common.settings import Settings
+from ride_estimation.diagnosis.common.spectra import FADE_S
+from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.diagnosis.model.measurement import measurement
+from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.model_run import ModelState
+from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
+from ride_estimation.diagnosis.search.prediction import block_squares, predict
+from ride_estimation.diagnosis.search.work import plain_model
+from ride_estimation.signals.recording import UniformRun
+
+LIGHT = 200.0  # N s/m: free motion of 1.7 Hz decays within four seconds
+
+
+def lightly_damped(seed: int, law=lambda x, v: 0.0, seconds: float = 60.0) -> UniformRun:
+    """Return a run of the quarter car with a light damper and another law beside it."""
+    return quarter_car_run(seed, seconds, law=lambda x, v: (LIGHT - DAMPING) * v + law(x, v), roughness=0.5)
+
+
+def begun_late(run: UniformRun, seconds: float) -> UniformRun:
+    """Return a run without its first seconds."""
+    first = round(seconds * run.rate_hz)
+    return dataclasses.replace(
+        run, data={s: v[first:] for s, v in run.data.items()}, valid={s: v[first:] for s, v in run.valid.items()}
+    )
+
+
+def seen(run: UniformRun, damping: float = LIGHT) -> RunView:
+    """Return a run through the true model with some damping."""
+    vehicle = quarter_car()
+    plant = build_plant(vehicle, {s: np.asarray(v).shape[1] for s, v in run.data.items()})
+    data = RunData(plant, measurement(plant, run), Settings())
+    return RunView(data, ModelState(np.array([STIFFNESS]), np.array([damping])))
+
+
+def test_free_motions_are_those_of_a_mass_on_a_spring_and_a_damper():
+    view = seen(lightly_damped(1, seconds=30.0))
+    names, std, spectra = initial_motions(view)
+    assert names == [("mode_1", "displacement"), ("mode_1", "velocity")]
+    grid = view.grid
+    time = np.arange(grid.samples) / grid.rate_hz - FADE_S
+    decay, square = 0.5 * LIGHT / MASS, STIFFNESS / MASS
+    omega = np.sqrt(square - decay**2)
+    # x'' of x(0) = 1, x'(0) = 0 and of x(0) = 0, x'(0) = 1
+    free = np.exp(-decay * time)
+    from_velocity = -free * (2.0 * decay * np.cos(omega * time) + (square - 2.0 * decay**2) / omega * np.sin(omega * time))
+    from_displacement = -square * free * (np.cos(omega * time) - decay / omega * np.sin(omega * time))
+    inside = (time > 2.0) & (time < 12.0)
+    # one unit of a modal coordinate is mass ** -0.5 of a displacement
+    wanted = np.stack([from_displacement, from_velocity], axis=1)[inside] / np.sqrt(MASS)
+    found = grid.signal(spectra[:, 0] * grid.band_weight[:, None])[inside]
+    mixed, *_ = np.linalg.lstsq(found, wanted, rcond=None)
+    assert np.all(np.std(found @ mixed - wanted, axis=0) < 0.01 * np.std(wanted, axis=0))
+    sizes = np.array([1.0, np.sqrt(square)])
+    # the state after the blow is the one meant up to the damping ratio
+    np.testing.assert_allclose(mixed * (sizes / sizes[:, None]), np.eye(2), atol=2.0 * decay / omega)
+    deflection = view.deflection[view.data.block_window(np.arange(view.blocks.count)) > 0.0, 0]
+    assert std[0] == pytest.approx(np.sqrt(2.0 * MASS) * np.std(deflection), rel=0.3)
+    assert std[1] == pytest.approx(std[0] * np.sqrt(square), rel=0.3)
+
+
+@pytest.mark.parametrize("damping", [4e3, 30e3], ids=["decays", "decays beyond critical damping"])
+def test_a_free_motion_that_is_forgotten_is_no_unknown(damping):
+    view = seen(lightly_damped(1, seconds=30.0), damping)
+    names, _, _ = initial_motions(view)
+    # 30 kN s/m: the slower of two rates is 1.5 per second, a twentieth is left after two seconds
+    assert bool(names) == (damping == 30e3)
+    assert bool(np.any(found_motion(view, view.residual_spectrum))) == bool(names)
+
+
+def test_a_run_that_begins_while_the_body_moves_is_predicted_as_well_as_one_from_rest():
+    vehicle, whole = quarter_car(), lightly_damped(3)
+    plant = build_plant(vehicle, {s: np.asarray(v).shape[1] for s, v in whole.data.items()})
+    calibrated = calibrate(RunData(plant, measurement(plant, whole), Settings()))
+    late = RunData(calibrated.view.plant, measurement(plant, begun_late(whole, 20.0)), Settings())
+    model = plain_model(calibrated)
+    errors, signal = block_squares(predict(late, model))
+    share = np.sqrt(errors / signal)
+    assert share[0] < 1.5 * np.median(share)
+    errors, signal = block_squares(predict(late, model, at_rest=True))
+    assert np.sqrt(errors / signal)[0] > 5.0 * np.median(share)
+
+
+def test_a_prediction_from_rest_does_not_look_at_outputs():
+    vehicle, run = quarter_car(), lightly_damped(4, seconds=30.0)
+    plant = build_plant(vehicle, {s: np.asarray(v).shape[1] for s, v in run.data.items()})
+    calibrated = calibrate(RunData(plant, measurement(plant, run), Settings()))
+    measured = measurement(plant, run)
+    other = dataclasses.replace(measured, outputs=measured.outputs[::-1].copy())
+    first, second = (
+        predict(RunData(calibrated.view.plant, m, Settings()), plain_model(calibrated), at_rest=True).spectrum
+        for m in (measured, other)
+    )
+    np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.parametrize("hidden", ["", "stribeck"])
+def test_runs_that_begin_while_the_body_moves_get_the_answer_of_those_from_rest(hidden):
+    def law(x: float, v: float) -> float:
+        return force(x, v) if hidden else 0.0
+
+    runs = []
+    for seed in (5, 6):
+        force = hiding_law(hidden, 0.15) if hidden else None
+        runs.append(lightly_damped(seed, law))
+    whole = diagnose(quarter_car(), runs[0], validation=runs[1:])
+    late = diagnose(quarter_car(), *((begun_late(runs[0], 20.0), [begun_late(runs[1], 20.0)])))
+    assert whole.verdict == late.verdict == (EXPLAINED if hidden else NO_DISCREPANCY)
+    assert [c.id for c in whole.causes] == [c.id for c in late.causes]
+    first, second = (d.gain.validation[0] for d in (whole, late))
+    assert second.extended < 1.3 * first.extended
