@@ -284,18 +284,23 @@ def test_columns_of_stiffness_are_the_derivative_of_the_simulated_output():
 def test_bootstrap_interval_holds_the_difference_and_widens_with_scatter():
     rng = np.random.default_rng(8)
     signal = np.full(30, 100.0)
-    steady = bootstrap_interval(np.full(30, 4.0), np.full(30, 1.0), signal, 300, 1)
+    steady = bootstrap_interval(np.full(30, 4.0), np.full(30, 1.0), signal, np.arange(30), 300, 1)
     assert steady[0] == pytest.approx(0.1, abs=1e-12)
-    rough = bootstrap_interval(4.0 * rng.lognormal(0.0, 1.0, 30), np.full(30, 1.0), signal, 300, 1)
+    rough = bootstrap_interval(4.0 * rng.lognormal(0.0, 1.0, 30), np.full(30, 1.0), signal, np.arange(30), 300, 1)
     assert rough[1] - rough[0] > 0.01
 
 
-def test_bootstrap_interval_covers_the_truth_as_often_as_it_says():
+@pytest.mark.parametrize(("memory", "apart"), [(0.0, 1), (0.2, 1), (0.0, 2)], ids=["alone", "remember", "no neighbours"])
+def test_bootstrap_interval_covers_the_truth_as_often_as_it_says(memory, apart):
     rng = np.random.default_rng(10)
     hits, trials, blocks = 0, 300, 20
+    places = apart * np.arange(blocks)
     for _ in range(trials):
-        before, after = 4.0 + rng.normal(0.0, 0.8, blocks), 1.0 + rng.normal(0.0, 0.2, blocks)
-        low, high = bootstrap_interval(before, after, np.full(blocks, 100.0), 300, 1)
+        # neighbours that hold a share of one another
+        own = rng.normal(0.0, 1.0, (2, blocks + 1))
+        scatter = (own[:, 1:] + memory * own[:, :-1]) / np.hypot(1.0, memory)
+        before, after = 4.0 + 0.8 * scatter[0], 1.0 + 0.2 * scatter[1]
+        low, high = bootstrap_interval(before, after, np.full(blocks, 100.0), places, 300, 1)
         hits += low <= np.sqrt(0.04) - np.sqrt(0.01) <= high
     # 95 % of 300: 2.5 standard errors are 3 %
     assert hits / trials == pytest.approx(0.95, abs=0.032)

@@ -154,22 +154,26 @@ def measured_gain(
                 there = [pooled_nrmse(e, s0, known) for e in (e0, e1)]
                 inside = (there[0], there[1], min(noise_floor(probe.view, s0, known), *there))
         results.append(ValidationGain(
-            name, before, left, bootstrap_interval(e0[judged], e1[judged], s0[judged], settings.bootstrap, settings.seed),
+            name, before, left, _interval(e0, e1, s0, judged, settings),
             min(noise_floor(probe.view, s0, judged), before, left), inside,
         ))
         blocks.append(JudgedBlocks(name, judged, e1[judged], s0[judged]))
     if not results:
         results.append(ValidationGain(
             f"{work.data.measured.name} (judge blocks)", baseline, after,
-            bootstrap_interval(
-                base_squares[0][judge], ext_squares[0][judge], base_squares[1][judge], settings.bootstrap, settings.seed
-            ), floor,
+            _interval(base_squares[0], ext_squares[0], base_squares[1], judge, settings), floor,
         ))
         blocks.append(JudgedBlocks(work.data.measured.name, judge, ext_squares[0][judge], base_squares[1][judge]))
     if after > baseline * _AS_GOOD and work.extended.fitted:
         warnings.append("the extended model is worse than the calibrated one on the judge blocks of the run")
     metric = _METRIC + (_WITH_RATES if any(s.kind == "rate" for s in work.plant.outputs) else "")
     return Gain(metric, baseline, after, floor, tuple(results), tuple(blocks)), warnings
+
+
+def _interval(baseline: Array, extended: Array, signal: Array, judged: IntArray, settings: Settings) -> tuple[float, float]:
+    """Return the interval of the difference of two NRMSE on the judged ones of all blocks, shape (B,)."""
+    parts = (x[judged] for x in (baseline, extended, signal))
+    return bootstrap_interval(*parts, judged, settings.bootstrap, settings.seed)
 
 
 def gain_over(gain: Gain, recorded: Sequence[tuple[Array, Array]], settings: Settings) -> Gain:
@@ -186,7 +190,7 @@ def gain_over(gain: Gain, recorded: Sequence[tuple[Array, Array]], settings: Set
         before = errors[judged.index] * float(judged.signal.sum()) / max(float(read[judged.index].sum()), 1e-300)
         results.append(dataclasses.replace(
             v, baseline=pooled_nrmse(before, judged.signal, np.arange(len(before))), in_range=None,
-            ci95=bootstrap_interval(before, judged.errors, judged.signal, settings.bootstrap, settings.seed),
+            ci95=bootstrap_interval(before, judged.errors, judged.signal, judged.index, settings.bootstrap, settings.seed),
         ))
     return dataclasses.replace(gain, baseline=results[0].baseline, validation=tuple(results))
 
