@@ -221,7 +221,7 @@ def _gain(item: OscillatorRecord, keep: BoolArray, linear: OscillatorRung, best:
     before, after = (float(np.sqrt(s.sum() / power.sum())) for s in squares)
     floor = incoherent_noise(item.y, item.u) / float(np.sqrt(power.sum() / np.count_nonzero(settled)))
     name = item.name if np.all(keep) else f"{item.name} (part that judges)"
-    interval = bootstrap_interval(*squares, power, np.arange(len(parts)), 400, 1)
+    interval = bootstrap_interval(squares[0], squares[1], power, np.arange(len(parts)), 400, 1)
     return ValidationGain(name, before, after, interval, floor)
 
 

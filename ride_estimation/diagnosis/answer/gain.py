@@ -172,8 +172,9 @@ def measured_gain(
 
 def _interval(baseline: Array, extended: Array, signal: Array, judged: IntArray, settings: Settings) -> tuple[float, float]:
     """Return the interval of the difference of two NRMSE on the judged ones of all blocks, shape (B,)."""
-    parts = (x[judged] for x in (baseline, extended, signal))
-    return bootstrap_interval(*parts, judged, settings.bootstrap, settings.seed)
+    return bootstrap_interval(
+        baseline[judged], extended[judged], signal[judged], judged, settings.bootstrap, settings.seed
+    )
 
 
 def gain_over(gain: Gain, recorded: Sequence[tuple[Array, Array]], settings: Settings) -> Gain:
