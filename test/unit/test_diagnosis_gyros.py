@@ -22,7 +22,7 @@ from ride_estimation.diagnosis.answer.wiring import found_mistakes, named_mistak
 from ride_estimation.diagnosis.calibration.baseline import sensor_error_spectra
 from ride_estimation.diagnosis.calibration.gyros import unused_rates, wrong_gyros
 from ride_estimation.diagnosis.calibration.linear_model import calibrate, file_parameters
-from ride_estimation.diagnosis.common.effect import Where
+from ride_estimation.diagnosis.common.effect import Effect, Where
 from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.hypotheses.sensor_column import turned_column
@@ -286,6 +286,40 @@ def test_rotation_and_delay_of_an_imu_are_one_error_of_its_six_channels_and_gain
     for component, channel in rows.items():
         gained, _ = sensor_error_spectra(view, sensor, "gain", component)
         assert list(gained) == [channel]
+
+
+def test_forces_are_pushed_into_the_whitened_channels_that_they_reach_and_no_others():
+    view = cab_view()
+    plant, grid = view.plant, view.grid
+    basis, silent = plant.output_basis
+    # accelerometers of a rigid body show six accelerations, a gyro three rates
+    assert silent == len(plant.outputs) - 9 == view.noise.silent(plant) > 0
+    assert np.linalg.matrix_rank(basis) == len(plant.outputs)
+    # the covariance is that of the outputs whatever the basis
+    white = view.noise.whitener @ view.noise.covariance @ np.conj(view.noise.whitener.swapaxes(1, 2))
+    expected = np.eye(len(plant.outputs)) * (grid.band_weight**2)[:, None, None]
+    assert np.abs(white - expected).max() < 1e-6
+    rng = np.random.default_rng(5)
+    signal = rng.standard_normal(grid.samples)
+    reading = Effect(Where.OUTPUT, 1, signal)
+    port, wrench = Effect(Where.PORT, 2, signal), Effect(Where.WRENCH, 4, signal)
+    spectrum = grid.spectrum(signal)[:, None]
+    moved = view.response.output_from_port[:, :, 2], view.response.output_from_wrench[:, :, 4]
+    whole = view.rows(np.stack(moved, axis=2) * spectrum[:, :, None])
+    forces = view.push([(port,), (wrench,)])
+    assert forces.shape[1] * len(plant.outputs) == 9 * whole.shape[1]
+    left, size = whole.shape[1] - forces.shape[1], np.abs(whole).max()
+    assert np.abs(whole[:, :left]).max() < 1e-7 * size
+    np.testing.assert_allclose(forces, whole[:, left:], atol=1e-7 * size)
+    # beside a reading, and where many columns are pushed part by part, all rows are there
+    mixed = view.push([*[(port,)] * 40, (port, reading)])
+    np.testing.assert_allclose(mixed[:, left:, :40], np.repeat(whole[:, left:, :1], 40, axis=2), atol=1e-7 * size)
+    both = view.push([(reading,)]) + whole[:, :, :1]
+    np.testing.assert_allclose(mixed[:, :, 40:], both, atol=1e-7 * np.abs(both).max())
+    # another plant, of which a sensor sits elsewhere, reaches every channel
+    moved = plant.out_acceleration.copy()
+    moved[0, 4] += 0.1
+    assert view.noise.silent(dataclasses.replace(plant, out_acceleration=moved)) == 0
 
 
 def test_the_gain_of_a_rate_has_a_tolerance_of_its_own_and_no_mean_reading():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from diagnosis_runs import quarter_car, quarter_car_run
 
-from ride_estimation.diagnosis.calibration.regression import Regression
+from ride_estimation.diagnosis.calibration.regression import Regression, side_by_side
 from ride_estimation.diagnosis.common.effect import Effect, Where
 from ride_estimation.diagnosis.common.parallel import in_order
 from ride_estimation.diagnosis.common.settings import Settings
@@ -84,6 +84,29 @@ def test_rows_prepared_apart_join_to_the_normal_matrix_of_all_of_them():
     np.testing.assert_allclose(whole[0] / size, eliminated / size, atol=1e-5)  # cross products are in single precision
     reduced = right[3:] - gram[3:, :3] @ np.linalg.solve(gram[:3, :3], right[:3])
     np.testing.assert_allclose(whole[1] / np.sqrt(np.diag(size)), reduced / np.sqrt(np.diag(size)), atol=1e-4)
+
+
+def test_rows_that_leave_out_leading_zeros_count_as_those_with_them():
+    rng = np.random.default_rng(3)
+    blocks = np.array([0, 1, 3])
+    columns, residual = rng.standard_normal((4, 50, 3)), rng.standard_normal((4, 50))
+    regression = Regression(residual, columns, np.zeros(0), np.zeros((0, 3)), np.ones(3), np.zeros(3))
+    fresh = rng.standard_normal((4, 20, 1))
+    replaced = regression.replaced([1], fresh, residual, (np.ones(3), np.zeros(3)), 1.0)
+    short, whole = rng.standard_normal((4, 20, 2)), np.zeros((4, 50, 2))
+    whole[:, 30:] = short
+    for r in (regression, replaced):
+        projector, means = Projector(r, blocks), np.zeros((0, 2))
+        for a, b in zip(projector.reduce(short, means), projector.reduce(whole, means)):
+            np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-6 * np.abs(b).max())
+        # parts of different length join
+        other = projector.pushed(rng.standard_normal((4, 50, 1)), means[:, :1])
+        for a, b in zip(*(projector.join(other, projector.pushed(rows, means)) for rows in (short, whole))):
+            np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-6 * np.abs(b).max())
+        np.testing.assert_allclose(r.candidate_grams(short), r.candidate_grams(whole), rtol=1e-6, atol=1e-6)
+        few, all_of_them = (r.extended(rows, means, 1.0).grams for rows in (short, whole))
+        np.testing.assert_allclose(few, all_of_them, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(side_by_side(short, columns), np.concatenate([whole, columns], axis=2))
 
 
 def test_values_come_in_the_order_of_the_items_whoever_is_ready_first():

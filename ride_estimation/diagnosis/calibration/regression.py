@@ -74,6 +74,21 @@ def block_products(left: Array | SingleArray, right: Array | SingleArray) -> Arr
     return out
 
 
+def whole_rows(rows: Array | SingleArray, count: int) -> Array | SingleArray:
+    """Return rows (B, R, q) of which the last were given, the others of all ``count`` zero, shape (B, count, q)."""
+    if rows.shape[1] == count:
+        return rows
+    out = np.zeros((len(rows), count, rows.shape[2]), dtype=rows.dtype)
+    out[:, count - rows.shape[1] :] = rows
+    return out
+
+
+def side_by_side(*parts: Array | SingleArray) -> Array:
+    """Return rows (B, R, q) of several columns together; of parts with fewer rows those before them are zero."""
+    count = max(part.shape[1] for part in parts)
+    return np.concatenate([whole_rows(part, count) for part in parts], axis=2)
+
+
 class Regression:
     """Residual rows against baseline columns.
 
@@ -109,7 +124,7 @@ class Regression:
         self.count = columns.shape[2]
         # the rows of a minute take sixty megabytes: regressions that differ in few columns share the others
         self._shared: SingleArray = np.empty((*residual.shape, self.count + 1), dtype=np.float32)
-        self._shared[:, :, :-1], self._shared[:, :, -1] = columns, residual
+        self._shared[:, :, :-1], self._shared[:, :, -1] = whole_rows(columns, residual.shape[1]), residual
         self._fresh: tuple[list[int], SingleArray] = ([], self._shared[:, :, :0])
         self.grams = block_products(self._shared, self._shared)
 
@@ -128,12 +143,12 @@ class Regression:
         Parameters
         ----------
         rows, means
-            Shapes (B, R, q) and (K, q).
+            Shapes (B, R, q) and (K, q); of fewer rows those before them are zero.
         std
             Prior standard deviation of their coefficients.
         """
         other, (p, q), (places, fresh) = copy.copy(self), (self.count, rows.shape[2]), self._fresh
-        rows = rows.astype(np.float32)
+        rows = whole_rows(rows.astype(np.float32), self._shared.shape[1])
         other._shared = np.empty((*rows.shape[:2], p + q + 1), dtype=np.float32)
         other._shared[:, :, :p], other._shared[:, :, -1] = self._shared[:, :, :p], self._shared[:, :, -1]
         other._shared[:, :, [i if i < p else -1 for i in places]] = fresh
@@ -147,14 +162,18 @@ class Regression:
         return other
 
     def _products(self, rows: Array | SingleArray) -> Array:
-        """Return the block products of columns and residual with some rows, (B, R, q) -> (B, p + 1, q)."""
+        """Return the block products of columns and residual with some rows, (B, R, q) -> (B, p + 1, q).
+
+        Of fewer rows those before them are zero.
+        """
         places, fresh = self._fresh
-        out = block_products(self._shared, rows)
-        out[:, places] = block_products(fresh, rows)
+        first = self._shared.shape[1] - rows.shape[1]
+        out = block_products(self._shared[:, first:], rows)
+        out[:, places] = block_products(fresh[:, first:], rows)
         return out
 
     def candidate_grams(self, rows: Array | SingleArray) -> Array:
-        """Return block Grams of [columns, candidate rows, residual], shape (B, p + q + 1, p + q + 1)."""
+        """Return block Grams of [columns, candidate rows, residual], (B, p + q + 1, p + q + 1); rows as in :meth:`extended`."""
         p, q = self.count, rows.shape[2]
         cross = self._products(rows)
         own = block_products(rows, rows)
@@ -248,6 +267,7 @@ class Regression:
         other = copy.copy(self)
         earlier = [i for i, place in enumerate(self._fresh[0]) if place not in index and place != self.count]
         places = [*(self._fresh[0][i] for i in earlier), *index, self.count]
+        rows = whole_rows(rows, self._shared.shape[1])
         parts = (self._fresh[1][:, :, earlier], *(new.astype(np.float32) for new in (rows, residual[:, :, None])))
         other._fresh = places, np.concatenate(parts, axis=2)
         cross = other._products(other._fresh[1])

@@ -7,6 +7,7 @@ Small rotations about the static position; what the small rotations leave out is
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Collection, Mapping
 
 import numpy as np
@@ -29,6 +30,7 @@ BoolArray = NDArray[np.bool_]
 _ACCELERATION_KINDS = ("accelerometer", "imu")
 #: axes of the readings of an IMU, in the order of its columns; an accelerometer has the first three
 CHANNELS = (*AXES, "rate_x", "rate_y", "rate_z")
+_REACHED = 1e-8  # share of the largest output of a motion below which it is rounding
 _NEAR = 0.1  # distance over which the slope of a base does not matter to its motion [m]
 
 
@@ -167,6 +169,22 @@ class Plant:
     def shown_motion(self) -> Array:
         """Return which motions the outputs of accelerometers and gyros show, shape (ny, n), for its rank."""
         return self.out_acceleration + self.out_rate
+
+    @functools.cached_property
+    def output_basis(self) -> tuple[Array, int]:
+        """Return a basis of the outputs and how many of its first rows no motion of the bodies reaches, (ny, ny) and a number.
+
+        In standard deviations of the sensor noise. Three sensors on a rigid body show nine accelerations and six coordinates.
+        """
+        noise = np.maximum([s.noise_std for s in self.outputs], 1e-12)
+        axes, sizes, _ = np.linalg.svd(self.motion_outputs / noise[:, None])
+        reached = int(np.count_nonzero(sizes > _REACHED * sizes.max(initial=0.0)))
+        return np.concatenate([axes[:, reached:], axes[:, :reached]], axis=1).T / noise, len(noise) - reached
+
+    @property
+    def motion_outputs(self) -> Array:
+        """Return what accelerations, rates and displacements of the coordinates make of the outputs, shape (ny, 3 n)."""
+        return np.hstack([self.out_acceleration, self.out_rate, self.out_displacement])
 
     @property
     def shared_base(self) -> Array:

@@ -84,14 +84,18 @@ def residual_covariance(
     return covariance
 
 
-def whitening(covariance: ComplexArray, weight: Array) -> ComplexArray:
-    """Return ``weight * inv(cholesky(S))`` per frequency, shape (F, ny, ny)."""
+def whitening(covariance: ComplexArray, weight: Array, basis: Array) -> ComplexArray:
+    """Return ``weight * inv(cholesky(T S T^T)) T`` per frequency, shape (F, ny, ny).
+
+    What rows of the basis T do not reach first, none of the first whitened rows reaches either.
+    """
+    covariance = basis @ covariance @ basis.T
     scale = np.sqrt(np.real(np.diagonal(covariance, axis1=1, axis2=2)))
     correlation = covariance / (scale[:, :, None] * scale[:, None, :])
     ny = covariance.shape[1]
     correlation[:, np.arange(ny), np.arange(ny)] += 1e-9
     factor = np.linalg.cholesky(correlation)
-    return np.asarray(np.linalg.inv(factor) / scale[:, None, :] * weight[:, None, None])
+    return np.asarray((np.linalg.inv(factor) / scale[:, None, :] * weight[:, None, None]) @ basis)
 
 
 def noise_scale(

@@ -8,6 +8,7 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
+from ride_estimation.diagnosis.model.plant import Plant
 from ride_estimation.diagnosis.runs.frame import tilt_uncertainty, turned
 from ride_estimation.diagnosis.runs.model_run import ModelRun
 from ride_estimation.diagnosis.runs.noise import (
@@ -23,6 +24,9 @@ from ride_estimation.diagnosis.runs.run_data import RunData
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
+_SILENT = 1e-8  # share of the largest output that is rounding
+
 
 
 class NoiseModel:
@@ -100,7 +104,13 @@ class NoiseModel:
     @functools.cached_property
     def whitener(self) -> ComplexArray:
         """Return the inverse square root of the covariance times the weight of the band, shape (F, ny, ny)."""
-        return whitening(self.covariance, self._data.grid.band_weight)
+        return whitening(self.covariance, self._data.grid.band_weight, self._data.plant.output_basis[0])
+
+    def silent(self, plant: Plant) -> int:
+        """Return how many of the first whitened channels no motion of the bodies of a plant reaches."""
+        basis, silent = self._data.plant.output_basis
+        reached = basis @ plant.motion_outputs
+        return silent if np.all(np.abs(reached[:silent]) < _SILENT * np.abs(reached).max(initial=0.0)) else 0
 
     @functools.cached_property
     def filter(self) -> DeflectionFilter:

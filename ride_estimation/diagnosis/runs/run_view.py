@@ -73,11 +73,11 @@ class RunView:
 
     @functools.cached_property
     def _injector(self) -> Injector:
-        return Injector(self.grid, self.response, self.noise.whitener)
+        return Injector(self.grid, self.response, self.noise.whitener, self.noise.silent(self.plant))
 
     @functools.cached_property
     def residual(self) -> Array:
-        """Return the whitened rows of the residual, shape (B, L * ny), see :meth:`rows`."""
+        """Return the whitened rows of the residual, shape (B, ny * L), see :meth:`rows`."""
         return self.rows(self.residual_spectrum[:, :, None])[:, :, 0]
 
     @functools.cached_property
@@ -165,7 +165,7 @@ class RunView:
         return {p: (float(max(x[p], 1e-15)), float(max(v[p], 1e-15))) for p in range(len(self.plant.ports))}
 
     def rows(self, output_spectrum: NDArray[Any], single: bool = False) -> Array:
-        """Return whitened rows of output spectra (F, ny, q) as blocks, shape (B, L * ny, q).
+        """Return whitened rows of output spectra (F, ny, q) as blocks, channel after channel, shape (B, ny * L, q).
 
         Parameters
         ----------
@@ -176,28 +176,34 @@ class RunView:
         return self._dealt(white.astype(np.complex64) if single else white)
 
     def port_rows(self, ports: Sequence[int], forces: ComplexArray) -> Array:
-        """Return whitened rows of tensions in ports, one force spectrum (F, q) each, in single precision, see :meth:`rows`."""
+        """Return whitened rows of tensions in ports, one force spectrum (F, q) each, in single precision, see :meth:`push`."""
         transfer = self._injector.transfer(Where.PORT, single=True)[:, :, ports]
         return self._dealt(transfer * forces.astype(np.complex64)[:, None, :])
 
     def _dealt(self, white: NDArray[Any]) -> Array:
-        """Return whitened spectra (F, ny, q) as blocks, shape (B, L * ny, q)."""
+        """Return whitened spectra (F, channels, q) as blocks, channel after channel, shape (B, channels * L, q)."""
         signal = self.grid.decimated_signal(white)
         blocks, length = self.blocks.index.shape
         first = int(self.blocks.index[0, 0]) if blocks else 0
         if blocks and np.all(self.blocks.weight == 1.0) and self.blocks.index[-1, -1] == first + blocks * length - 1:
-            return np.ascontiguousarray(signal[first : first + blocks * length]).reshape(blocks, -1, signal.shape[2])
-        picked = signal[self.blocks.index] * self.blocks.weight[:, :, None, None].astype(signal.dtype)
-        return np.asarray(picked.reshape(blocks, -1, signal.shape[2]))
+            picked = signal[first : first + blocks * length].reshape(blocks, length, *signal.shape[1:])
+        else:
+            picked = signal[self.blocks.index] * self.blocks.weight[:, :, None, None].astype(signal.dtype)
+        return np.ascontiguousarray(picked.swapaxes(1, 2)).reshape(blocks, -1, signal.shape[2])
 
     def push(self, columns: Sequence[Column], single: bool = False) -> Array:
-        """Return the whitened rows of columns of effects, shape (B, L * ny, q); see :meth:`rows`."""
+        """Return the whitened rows of columns of effects, shape (B, R, q); see :meth:`rows`.
+
+        Those of forces alone are the last rows of every block: no force reaches the others.
+        """
         if len(columns) <= _BATCH:
             return self._dealt(self._injector.whitened(columns, single))
-        out = np.empty((*self.residual.shape, len(columns)), dtype=np.float32 if single else float)
+        blocks, length = self.blocks.index.shape
+        out = np.zeros((blocks, self._injector.reached(columns) * length, len(columns)), dtype=np.float32 if single else float)
         for first in range(0, len(columns), _BATCH):
             part = slice(first, first + _BATCH)
-            out[:, :, part] = self._dealt(self._injector.whitened(columns[part], single))
+            rows = self._dealt(self._injector.whitened(columns[part], single))
+            out[:, out.shape[1] - rows.shape[1] :, part] = rows
         return out
 
     def with_deflection_noise(self, seed: int) -> RunView:

@@ -29,7 +29,7 @@ from ride_estimation.diagnosis.calibration.linear_model import (
     strained,
     with_named_cg,
 )
-from ride_estimation.diagnosis.calibration.regression import Regression
+from ride_estimation.diagnosis.calibration.regression import Regression, side_by_side
 from ride_estimation.diagnosis.common.effect import Column, Effect, Where, combined_effects
 from ride_estimation.diagnosis.common.splits import Splits
 from ride_estimation.diagnosis.hypotheses.body_wrench import cg_column
@@ -295,12 +295,12 @@ def inherent_misfit(fit: FullFit, blocks: IntArray, seed: int) -> float:
     error measures how much.
     """
     noisy = fit.view.with_deflection_noise(seed)
-    total = np.zeros(fit.rows.shape[:2])
+    total = np.zeros(fit.view.residual.shape)
     for f in fit.fitted:
         if not np.any(f.coefficients):
             continue
         pair = [s.push([combined_effects(f.hypothesis.columns(s, f.shape), f.coefficients)])[:, :, 0] for s in (fit.view, noisy)]
-        total += pair[1] - pair[0]
+        total[:, total.shape[1] - pair[0].shape[1] :] += pair[1] - pair[0]
     return float(np.sum(total[blocks] ** 2))
 
 
@@ -342,12 +342,12 @@ class FullFitter:
             # along another motion than that of the load they would tell the load from the CG that it moves
             bodies, further = balanced_columns(view, loaded)
             places = [i for i, a in enumerate(everything) if a.kind in ("cg", "inertia") and a.place in loaded]
-            index, rows = [*index, *places], np.concatenate([rows, further], axis=2)
+            index, rows = [*index, *places], side_by_side(rows, further)
             for i, a in zip(places, bodies):
                 everything[i] = a
         if faults:
             places, further = faulty_rows(view, everything, faults)
-            index, rows = [*index, *places], np.concatenate([rows, further], axis=2)
+            index, rows = [*index, *places], side_by_side(rows, further)
         held = {
             i: v - cal.adjustables[i].offset + everything[i].offset for i, v in cal.held.items()
             if everything[i].kind != "cg" or everything[i].place not in loaded
@@ -440,7 +440,9 @@ class FullFitter:
         residual = view.residual
         given = [*view.state.effects, *held_effects(view), *_held_cg(view), *_of_regression(view, simulated)]
         if given:
-            residual = residual + view.push([tuple(given)])[:, :, 0]
+            pushed = view.push([tuple(given)])[:, :, 0]
+            residual = residual.copy()
+            residual[:, residual.shape[1] - pushed.shape[1] :] += pushed
         adjustables, regression = self._regression(view, residual, temper, hypotheses, faults)
         projector = Projector(regression, self._blocks)
         if iteration == 1:
@@ -526,7 +528,7 @@ class FullFitter:
             spread += [s.spread for s in f.hypothesis.shapes]
         if not slopes:
             return fit
-        rows = np.concatenate([fit.rows[:, :, used], view.push(slopes)], axis=2)
+        rows = side_by_side(fit.rows[:, :, used], view.push(slopes))
         means = np.concatenate([fit.means[:, used], mean_rows(self._cal.table, slopes)], axis=1)
         free = np.concatenate([np.full(len(used), np.inf), np.array(spread) / np.abs(sizes)]) / np.sqrt(fit.regression.temper)
         solved = fit.regression.fit(fit.regression.candidate_grams(rows), self._blocks, free, means)

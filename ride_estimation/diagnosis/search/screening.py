@@ -19,6 +19,7 @@ from ride_estimation.diagnosis.runs.noise import temper_of
 from ride_estimation.diagnosis.runs.run_view import RunView
 
 Array = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 
 _BATCH = 16  # columns of one product: more take memory and no less time
@@ -63,15 +64,15 @@ class Pushed:
 
     Attributes
     ----------
-    flat, size
-        Rows of the fit blocks with unit norm, shape (n, Q), and their norms (Q,).
+    rows, size
+        Rows of the fit blocks with unit norm, shape (B, R, Q), and their norms (Q,). Rows before them are zero.
     cross
         Products with the baseline columns and the residual, shape (p + 1, Q).
     means
         Mean rows, weighted with the temper, shape (K, Q).
     """
 
-    flat: Array
+    rows: Array
     size: Array
     cross: Array
     means: Array
@@ -79,8 +80,12 @@ class Pushed:
     def part(self, columns: slice) -> Pushed:
         """Return some of the columns."""
         return Pushed(
-            np.ascontiguousarray(self.flat[:, columns]), self.size[columns], self.cross[:, columns], self.means[:, columns]
+            np.ascontiguousarray(self.rows[:, :, columns]), self.size[columns], self.cross[:, columns], self.means[:, columns]
         )
+
+    def last(self, count: int) -> Array:
+        """Return the last rows of every block, flat, shape (B * count, Q)."""
+        return self.rows[:, self.rows.shape[1] - count :].reshape(-1, self.rows.shape[2])
 
 
 class Projector:
@@ -105,19 +110,28 @@ class Projector:
         self._factor = cho_factor(normal * np.outer(self._scale, self._scale) + 1e-11 * np.eye(p))
         self._solution = self._solve(right)
         # single precision halves the traffic; the score of a column survives it, the normal matrix above is double
-        self._full = regression.rows(blocks)
+        full = regression.rows(blocks)
+        self._full = full.reshape(len(blocks), -1, full.shape[1])
+        self._last: dict[int, SingleArray] = {}
 
     def _solve(self, right: Array) -> Array:
         scale = self._scale if right.ndim == 1 else self._scale[:, None]
         return np.asarray(scale * cho_solve(self._factor, scale * right))
 
     def pushed(self, rows: Array, means: Array) -> Pushed:
-        """Return candidate rows, shape (B, R, Q), with what they share with the baseline."""
-        flat = rows[self.blocks].reshape(-1, rows.shape[2])
+        """Return candidate rows, shape (B, R, Q), with what they share with the baseline; rows before them are zero."""
+        used = rows[self.blocks]
+        flat = used.reshape(-1, rows.shape[2])
         size = np.sqrt(np.einsum("ij,ij->j", flat, flat, dtype=float))
         flat /= np.maximum(size, np.finfo(flat.dtype).tiny).astype(flat.dtype)
-        cross = (self._full.T @ flat.astype(np.float32, copy=False)).astype(float) * size
-        return Pushed(flat, size, cross, np.sqrt(self.regression.temper) * means)
+        cross = (self._baseline(rows.shape[1]).T @ flat.astype(np.float32, copy=False)).astype(float) * size
+        return Pushed(used, size, cross, np.sqrt(self.regression.temper) * means)
+
+    def _baseline(self, count: int) -> SingleArray:
+        """Return the last rows of every block of the baseline, flat, shape (B * count, p + 1)."""
+        if count not in self._last:
+            self._last[count] = self._full[:, self._full.shape[1] - count :].reshape(-1, self._full.shape[2])
+        return self._last[count]
 
     def join(self, *parts: Pushed) -> tuple[Array, Array]:
         """Return the normal matrix (Q, Q) and right side (Q,) of candidates together after the baseline is removed."""
@@ -125,7 +139,8 @@ class Projector:
         own = [[np.zeros((0, 0))] * len(parts) for _ in parts]
         for i, a in enumerate(parts):
             for j, b in enumerate(parts[: i + 1]):
-                own[i][j] = (a.flat.T @ b.flat).astype(float) * np.outer(a.size, b.size)
+                count = min(a.rows.shape[1], b.rows.shape[1])
+                own[i][j] = (a.last(count).T @ b.last(count)).astype(float) * np.outer(a.size, b.size)
                 own[j][i] = own[i][j].T
         cross, means = (np.hstack([getattr(part, name) for part in parts]) for name in ("cross", "means"))
         against = cross[:p] + self.regression.mean_columns.T @ means
