@@ -10,6 +10,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +75,7 @@ def block_products(left: Array | SingleArray, right: Array | SingleArray) -> Arr
     return out
 
 
-def whole_rows(rows: Array | SingleArray, count: int) -> Array | SingleArray:
+def whole_rows(rows: NDArray[Any], count: int) -> NDArray[Any]:
     """Return rows (B, R, q) of which the last were given, the others of all ``count`` zero, shape (B, count, q)."""
     if rows.shape[1] == count:
         return rows
@@ -83,7 +84,7 @@ def whole_rows(rows: Array | SingleArray, count: int) -> Array | SingleArray:
     return out
 
 
-def side_by_side(*parts: Array | SingleArray) -> Array:
+def side_by_side(*parts: NDArray[Any]) -> NDArray[Any]:
     """Return rows (B, R, q) of several columns together; of parts with fewer rows those before them are zero."""
     count = max(part.shape[1] for part in parts)
     return np.concatenate([whole_rows(part, count) for part in parts], axis=2)

@@ -54,7 +54,7 @@ class Injector:
     def reached(self, columns: Sequence[Column]) -> int:
         """Return how many of the whitened channels columns of effects reach, the last ones."""
         forces = all(e.where in FORCES for column in columns for e in column if e.where is not Where.MEAN)
-        return self._whitener.shape[1] - (self._silent if forces else 0)
+        return int(self._whitener.shape[1]) - (self._silent if forces else 0)
 
     def whitened(self, columns: Sequence[Column], single: bool = False) -> NDArray[Any]:
         """Return the whitened output spectra of columns of effects, shape (F, channels, q); mean readings are left out.

@@ -295,7 +295,7 @@ def inherent_misfit(fit: FullFit, blocks: IntArray, seed: int) -> float:
     error measures how much.
     """
     noisy = fit.view.with_deflection_noise(seed)
-    total = np.zeros(fit.view.residual.shape)
+    total: Array = np.zeros(fit.view.residual.shape)
     for f in fit.fitted:
         if not np.any(f.coefficients):
             continue
