@@ -17,6 +17,7 @@ from ride_estimation.diagnosis.common.spectra import FADE_S
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.model.measurement import measurement
 from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.runs.blocks import fading, stretches_of
 from ride_estimation.diagnosis.runs.model_run import ModelState
 from ride_estimation.diagnosis.runs.run_data import RunData
 from ride_estimation.diagnosis.runs.run_view import RunView
@@ -38,6 +39,16 @@ def begun_late(run: UniformRun, seconds: float) -> UniformRun:
     return dataclasses.replace(
         run, data={s: v[first:] for s, v in run.data.items()}, valid={s: v[first:] for s, v in run.valid.items()}
     )
+
+
+def with_gaps(run: UniformRun, *gaps_s: tuple[float, float]) -> UniformRun:
+    """Return a run whose sensors were silent from and to some times."""
+    data, valid = ({s: v.copy() for s, v in part.items()} for part in (run.data, run.valid))
+    for begin, end in gaps_s:
+        part = slice(round(begin * run.rate_hz), round(end * run.rate_hz))
+        for sensor in data:
+            data[sensor][part], valid[sensor][part] = np.nan, False
+    return dataclasses.replace(run, data=data, valid=valid)
 
 
 def seen(run: UniformRun, damping: float = LIGHT) -> RunView:
@@ -96,6 +107,53 @@ def test_a_run_that_begins_while_the_body_moves_is_predicted_as_well_as_one_from
     assert np.sqrt(errors / signal)[0] > 5.0 * np.median(share)
 
 
+def test_a_long_gap_ends_a_stretch_and_a_short_one_is_bridged():
+    valid = np.ones(1000, dtype=bool)
+    valid[300:310] = valid[600:611] = valid[:20] = False  # 0.10, 0.11 and 0.2 s
+    assert stretches_of(valid, 100.0) == ((20, 600), (611, 1000))
+    window = fading(1000, stretches_of(valid, 100.0), 100.0)
+    assert np.all(window[:20] == 0.0) and np.all(window[600:611] == 0.0) and np.all(window[120:500] == 1.0)
+    assert stretches_of(np.zeros(50, dtype=bool), 100.0) == ()
+
+
+def test_a_run_with_gaps_is_predicted_as_well_as_one_without():
+    vehicle, whole = quarter_car(), lightly_damped(3)
+    broken = with_gaps(whole, (15.0, 16.5), (30.0, 30.3))
+    plant = build_plant(vehicle, {s: np.asarray(v).shape[1] for s, v in whole.data.items()})
+    found = []
+    for run in (whole, broken):
+        data = RunData(plant, measurement(plant, run), Settings())
+        calibrated = calibrate(data)
+        names = {a.place for a in calibrated.adjustables if a.kind == "initial_state"}
+        later = {f"mode_1_after_gap_{number}" for number in (1, 2)}
+        assert names == ({"mode_1"} if run is whole else {"mode_1", *later})
+        prediction = predict(data, plain_model(calibrated))
+        errors, signal = block_squares(prediction)
+        found.append((np.sqrt(errors / signal).max(), prediction.view.scales[0]))
+        misfit = calibrated.regression.block_misfit(calibrated.regression.grams, calibrated.fit.coefficients)
+        # bridged by a line, 1.5 s leave the misfit of a block at several hundred
+        assert (misfit / calibrated.view.block_dof).max() < 1.5
+    (plain, scales), (error, seen_scales) = found
+    assert error < 1.2 * plain
+    # strokes that laws refer to are those of the stretches that are analysed
+    np.testing.assert_allclose(seen_scales, scales, rtol=0.1)
+
+
+def test_no_block_that_judges_tells_the_state_after_a_gap():
+    # the second stretch begins with the fourth block, which judges
+    run = with_gaps(lightly_damped(3), (12.5, 13.5))
+    view = seen(run)
+    start = view.data.stretches[1][0] / run.rate_hz
+    after = np.flatnonzero(view.blocks.time_s > start)
+    assert after[0] == 3
+    residual = view.residual_spectrum
+    spoiled = view.grid.signal(residual)
+    spoiled[view.data.block_window(after[:1]) > 0.0] += 10.0 * np.std(spoiled)
+    first, second = (found_motion(view, r) for r in (residual, view.grid.spectrum(spoiled)))
+    change = np.sqrt(np.sum(np.abs(second - first) ** 2) / np.sum(np.abs(first) ** 2))
+    assert change < 0.5
+
+
 def test_a_prediction_from_rest_does_not_look_at_outputs():
     vehicle, run = quarter_car(), lightly_damped(4, seconds=30.0)
     plant = build_plant(vehicle, {s: np.asarray(v).shape[1] for s, v in run.data.items()})
@@ -110,7 +168,8 @@ def test_a_prediction_from_rest_does_not_look_at_outputs():
 
 
 @pytest.mark.parametrize("hidden", ["", "stribeck"])
-def test_runs_that_begin_while_the_body_moves_get_the_answer_of_those_from_rest(hidden):
+@pytest.mark.parametrize("recorded", [lambda r: begun_late(r, 20.0), lambda r: with_gaps(r, (20.0, 21.0), (40.0, 42.0))])
+def test_runs_that_begin_late_or_have_gaps_get_the_answer_of_those_from_rest(hidden, recorded):
     def law(x: float, v: float) -> float:
         return force(x, v) if hidden else 0.0
 
@@ -119,7 +178,7 @@ def test_runs_that_begin_while_the_body_moves_get_the_answer_of_those_from_rest(
         force = hiding_law(hidden, 0.15) if hidden else None
         runs.append(lightly_damped(seed, law))
     whole = diagnose(quarter_car(), runs[0], validation=runs[1:])
-    late = diagnose(quarter_car(), *((begun_late(runs[0], 20.0), [begun_late(runs[1], 20.0)])))
+    late = diagnose(quarter_car(), recorded(runs[0]), validation=[recorded(runs[1])])
     assert whole.verdict == late.verdict == (EXPLAINED if hidden else NO_DISCREPANCY)
     assert [c.id for c in whole.causes] == [c.id for c in late.causes]
     first, second = (d.gain.validation[0] for d in (whole, late))

@@ -48,8 +48,7 @@ def residual_summary(base: Prediction, extended: Prediction, remaining: float, i
     bands = band_table(base, extended)
     lines = [{"frequency_hz": line.frequency_hz, "peak_over_median": line.ratio} for line in residual_lines(view)]
     error = extended.residual()
-    trim = round(view.settings.trim_s * view.grid.rate_hz)
-    inner = error[trim:-trim]
+    inner = error[view.data.analysed_samples]
     kurtosis = float(np.mean(np.mean(inner**4, axis=0) / np.maximum(np.mean(inner**2, axis=0) ** 2, 1e-300)))
     ordered = np.sort(np.sum(inner[:, _pictured(view)] ** 2, axis=1))[::-1]
     top = float(ordered[: max(len(ordered) // 100, 1)].sum() / max(float(ordered.sum()), 1e-300))
@@ -77,17 +76,14 @@ def make_evidence(base: Prediction, extended: Prediction) -> Evidence:
     residual = [np.abs(view.data.inside(view.data.output_spectrum - p.spectrum)) ** 2 for p in (base, extended)]
     noise = np.real(np.diagonal(view.noise.covariance, axis1=1, axis2=2))
     e0, e1, y = base.residual(), extended.residual(), base.measured()
-    trim = round(view.settings.trim_s * view.grid.rate_hz)
-    inner = slice(trim, -trim)
+    inner = view.data.analysed_samples
     rms = np.maximum(np.std(y[inner], axis=0), 1e-300)
     weight = grid.band_weight[:, None] ** 2
     floor = np.sqrt(np.sum(noise * weight, axis=0) * n) / np.maximum(
         np.sqrt(np.sum(np.abs(view.data.output_spectrum) ** 2 * weight, axis=0)), 1e-300
     )
     table = np.stack([np.std(e0[inner], axis=0) / rms, np.std(e1[inner], axis=0) / rms, floor], axis=1)
-    first = trim
-    last = min(first + round(6.0 * view.grid.rate_hz), len(y))
-    part = slice(first, last)
+    part = _stretch(view, 6.0)
     time_s = view.data.time_s[part].copy()
     # copies: a view would keep the whole run for its six seconds
     signals = y[part].copy(), y[part] - e0[part], y[part] - e1[part]
@@ -121,14 +117,20 @@ def _block_misfit(prediction: Prediction) -> Array:
     return np.asarray((rows**2).sum(axis=1) / np.maximum(view.block_dof, 1e-9))
 
 
+def _stretch(view: RunView, seconds: float) -> slice:
+    """Return the first seconds that are analysed of the longest stretch between gaps."""
+    begin, end = max(view.data.stretches, key=lambda s: s[1] - s[0])
+    first = begin + round(view.settings.trim_s * view.grid.rate_hz)
+    return slice(first, min(first + round(seconds * view.grid.rate_hz), end))
+
+
 def _loops(base: Prediction, extended: Prediction) -> dict[str, tuple[Array, Array, Array, Array]]:
     """Return deflection, force of the calibrated and of the extended model and measured force of every port over ten seconds.
 
     Measured: the extended model and the forces that explain what it leaves of the readings; all along the deflection with these.
     """
     view, plain = extended.view, base.view.state
-    trim = round(view.settings.trim_s * view.grid.rate_hz)
-    part = slice(trim, min(trim + round(10.0 * view.grid.rate_hz), view.grid.samples))
+    part = _stretch(view, 10.0)
     extra = np.zeros_like(view.deflection)
     for effect in view.state.effects:
         if effect.where is Where.PORT:

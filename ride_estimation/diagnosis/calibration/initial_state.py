@@ -1,8 +1,8 @@
 # Copyright 2026 ride_estimation contributors
 """Free motion that a run begins with: initial displacement and velocity of every mode, as unknowns of each run.
 
-A recording rarely begins at rest, and the fading of its ends moves a body as well. Both end within a second of the start; what
-the body keeps of them is a free motion of the model, ``M q'' + C q' + K q = 0``, from an unknown state.
+A recording rarely begins at rest, nobody knows what happened in a gap, and the fading of its ends moves a body as well. All of it
+ends within a second; what the body keeps of it is a free motion of the model, ``M q'' + C q' + K q = 0``, from an unknown state.
 """
 
 from __future__ import annotations
@@ -11,12 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.common.spectra import FADE_S
+from ride_estimation.diagnosis.common.splits import judges
 from ride_estimation.diagnosis.runs.run_view import RunView
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
 
-_LEADING = 2  # blocks that the initial state of a predicted run is found in; none of them judges a run that is fitted
+_LEADING = 2  # blocks of a stretch that the initial state of a prediction is found in; none that judge a run that is fitted
+
+
+def _blocks_of(view: RunView) -> list[tuple[int, IntArray]]:
+    """Return first sample and blocks of the stretches of a run that have some."""
+    first = view.blocks.index[:, 0] * view.grid.rate_hz / view.grid.decimated_rate_hz
+    found = [(start, np.flatnonzero((first > start) & (first < end))) for start, end in view.data.stretches]
+    return [(start, blocks) for start, blocks in found if len(blocks)]
 
 
 def initial_motions(view: RunView) -> tuple[list[tuple[str, str]], Array, ComplexArray]:
@@ -43,20 +52,21 @@ def initial_motions(view: RunView) -> tuple[list[tuple[str, str]], Array, Comple
     frequency = np.sqrt(np.maximum(square, 0.0)) / (2.0 * np.pi)
     kept = np.exp(-decay * max(settings.trim_s - FADE_S, 0.0)) > settings.adequacy
     modes = np.flatnonzero((frequency > grid.lower_hz) & (frequency < grid.upper_hz) & kept)
-    names, std, spectra = [], [], []
-    iw = 1j * grid.omega
-    start = grid.rate_hz * np.exp(-iw * FADE_S)
     # what the springs do to a mode says how far it is deflected, whatever the bases do
     moved = (view.deflection_spectrum * stiffness) @ plant.port_map @ shape[:, modes] / square[modes]
-    for number, mode in enumerate(modes):
-        # a blow as soft as the mode is slow: the overtones of a hard one end at the edge of the band and ring there
-        blow = start * np.exp(0.5 * (1.0 - grid.omega**2 / square[mode]))
-        impulse = view.response.output_from_wrench @ (plant.mass @ shape[:, mode]) * blow[:, None]
-        for name, factor in (("displacement", iw), ("velocity", np.ones_like(iw))):
-            power = np.abs(moved[:, number] * (iw / factor)) ** 2
-            names.append((f"mode_{mode + 1}", name))
-            std.append(2.0 * float(np.sqrt(np.sum(power) / (grid.padded * grid.samples))))
-            spectra.append(impulse * factor[:, None])
+    iw = 1j * grid.omega
+    names, std, spectra = [], [], []
+    for number, (start, _) in enumerate(_blocks_of(view)):
+        begin = grid.rate_hz * np.exp(-iw * (start / grid.rate_hz + FADE_S))
+        for i, mode in enumerate(modes):
+            # a blow as soft as the mode is slow: the overtones of a hard one end at the edge of the band and ring there
+            blow = begin * np.exp(0.5 * (1.0 - grid.omega**2 / square[mode]))
+            impulse = view.response.output_from_wrench @ (plant.mass @ shape[:, mode]) * blow[:, None]
+            for name, factor in (("displacement", iw), ("velocity", np.ones_like(iw))):
+                power = np.abs(moved[:, i] * (iw / factor)) ** 2
+                names.append((f"mode_{mode + 1}{f'_after_gap_{number}' if number else ''}", name))
+                std.append(2.0 * float(np.sqrt(np.sum(power) / (grid.padded * grid.samples))))
+                spectra.append(impulse * factor[:, None])
     empty = np.zeros((len(iw), len(plant.outputs), 0), dtype=complex)
     return names, np.array(std), np.stack(spectra, axis=2) if spectra else empty
 
@@ -67,15 +77,16 @@ def found_motion(view: RunView, residual: ComplexArray) -> ComplexArray:
     Least squares with the standard deviations of the state; what a model misses in the other blocks is the noise of the first.
     """
     _, std, spectra = initial_motions(view)
-    first, rest = view.blocks.index[:_LEADING].ravel(), view.blocks.index[_LEADING:].ravel()
-    if not len(std) or not len(rest):
+    first = [blocks[~judges(blocks)][:_LEADING] for _, blocks in _blocks_of(view)]
+    leading = np.isin(np.arange(view.blocks.count), np.concatenate([np.zeros(0, dtype=int), *first]))
+    if not len(std) or np.all(leading):
         return np.zeros_like(residual)
     weight, grid = view.grid.band_weight, view.grid
     # channels of different units: each in units of what it measures
     size = np.sqrt(np.sum(np.abs(view.data.output_spectrum * weight[:, None]) ** 2, axis=0))
     signals = np.concatenate([spectra * std, residual[:, :, None]], axis=2) / np.maximum(size, 1e-300)[:, None]
-    signals = grid.decimated_signal(signals * weight[:, None, None])
-    noise = max(float(np.mean(signals[rest, :, -1] ** 2)), 1e-300)
-    rows = signals[first].reshape(-1, len(std) + 1)
+    signals = grid.decimated_signal(signals * weight[:, None, None])[view.blocks.index] * view.blocks.weight[:, :, None, None]
+    noise = max(float(np.mean(signals[~leading, :, :, -1] ** 2)), 1e-300)
+    rows = signals[leading].reshape(-1, len(std) + 1)
     normal = rows[:, :-1].T @ rows[:, :-1] / noise + np.eye(len(std))
     return np.asarray(spectra @ (std * np.linalg.solve(normal, rows[:, :-1].T @ rows[:, -1] / noise)))

@@ -28,7 +28,12 @@ class Splits:
         return np.sort(np.concatenate([self.fit, self.select]))
 
 
+def judges(index: IntArray) -> NDArray[np.bool_]:
+    """Return which blocks judge: the last of every four."""
+    return np.asarray(index % 4 == 3)
+
+
 def make_splits(count: int) -> Splits:
     """Deal blocks: of every four, two to fit, one to select, one to judge."""
     index = np.arange(count)
-    return Splits(index[np.isin(index % 4, (0, 2))], index[index % 4 == 1], index[index % 4 == 3])
+    return Splits(index[np.isin(index % 4, (0, 2))], index[index % 4 == 1], index[judges(index)])

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.common.settings import Settings
-from ride_estimation.diagnosis.common.spectra import edge_taper, make_grid
+from ride_estimation.diagnosis.common.spectra import make_grid
 from ride_estimation.diagnosis.model.measurement import Measurement
 from ride_estimation.diagnosis.model.plant import Plant
-from ride_estimation.diagnosis.runs.blocks import inside_window, make_blocks
+from ride_estimation.diagnosis.runs.blocks import fading, inside_window, make_blocks, stretches_of
 from ride_estimation.diagnosis.runs.noise import gyro_noise_scale, noise_scale
 
 Array = NDArray[np.float64]
@@ -30,7 +30,9 @@ class RunData:
     output_mean, input_mean
         Mean readings, shapes (ny,) and (nu,).
     output_spectrum, input_spectrum
-        Of the readings less their means, both ends faded, shapes (F, ny) and (F, nu).
+        Of the readings less their means, ends and long gaps faded, shapes (F, ny) and (F, nu).
+    stretches
+        Parts of the run between long gaps, first sample and the one after the last.
     slow_force, left_force
         Specific force that the bases share less its mean [m/s^2], below the kept bins and below the band, shape (N, 3) each.
     noise_scale, gyro_scale
@@ -42,10 +44,11 @@ class RunData:
     def __init__(self, plant: Plant, measured: Measurement, settings: Settings) -> None:
         self.plant, self.measured, self.settings = plant, measured, settings
         self.grid = make_grid(len(measured.outputs), measured.rate_hz, settings.band_hz)
-        self.blocks = make_blocks(self.grid, measured.valid, settings)
+        self.stretches = stretches_of(measured.valid, measured.rate_hz)
+        self.blocks = make_blocks(self.grid, measured.valid, self.stretches, settings)
         self.time_s = np.arange(self.grid.samples) / measured.rate_hz
-        self._taper = edge_taper(self.grid.samples, measured.rate_hz)
-        self._inside = inside_window(self.grid, measured.valid, settings)
+        self._taper = fading(self.grid.samples, self.stretches, measured.rate_hz)
+        self._inside = inside_window(self.grid, measured.valid, self.stretches, settings)
         inputs = plant.put_right(measured.inputs)
         self.output_mean = measured.outputs[measured.valid].mean(axis=0)
         self.input_mean = inputs[measured.valid].mean(axis=0)
@@ -92,7 +95,7 @@ class RunData:
         return max(3, round(0.5 * self.grid.padded / self.grid.rate_hz))
 
     def tapered(self, signal: Array) -> Array:
-        """Return a signal with its ends faded in and out, shape (N, q)."""
+        """Return a signal with the ends of every stretch faded in and out, shape (N, q)."""
         return signal * self._taper[:, None]
 
     def analysed(self, spectrum: ComplexArray) -> ComplexArray:
@@ -106,6 +109,12 @@ class RunData:
         """
         level = np.sqrt(self.grid.samples / max(float(np.sum(self._inside**2)), 1.0))
         return self.grid.spectrum(self.grid.signal(spectrum) * (level * self._inside)[:, None])
+
+    @property
+    def analysed_samples(self) -> NDArray[np.bool_]:
+        """Return which samples lie within blocks, all where there are none, shape (N,)."""
+        every = np.arange(self.blocks.count)
+        return self.block_window(every) > 0.0 if len(every) else np.ones(self.grid.samples, dtype=bool)
 
     def block_window(self, blocks: NDArray[np.int64]) -> Array:
         """Return one within some blocks and zero elsewhere and inside gaps, shape (N,)."""

@@ -139,7 +139,7 @@ class RunView:
 
         At the faded ends the motion is that of the fading, several times what the mounts ever do.
         """
-        inside = self.data.block_window(np.arange(self.blocks.count)) > 0.0
+        inside = self.data.analysed_samples
         return self.deflection[inside], self.deflection_rate[inside]
 
     def refined_motion(self, port: int) -> tuple[Array, Array]:
@@ -157,11 +157,8 @@ class RunView:
         return missing_forces(seen, self.response.output_from_port, share * self._force_power, self.noise.covariance)
 
     def _port_scales(self) -> dict[int, tuple[float, float]]:
-        """Return deflection and rate rms of every port without the faded ends."""
-        trim = round(self.settings.trim_s * self.grid.rate_hz)
-        inner = slice(trim, -trim) if self.grid.samples > 4 * trim else slice(None)
-        x = np.sqrt(np.mean(self.deflection[inner] ** 2, axis=0))
-        v = np.sqrt(np.mean(self.deflection_rate[inner] ** 2, axis=0))
+        """Return deflection and rate rms of every port, see :attr:`strokes`."""
+        x, v = (np.sqrt(np.mean(s**2, axis=0)) for s in self.strokes)
         return {p: (float(max(x[p], 1e-15)), float(max(v[p], 1e-15))) for p in range(len(self.plant.ports))}
 
     def rows(self, output_spectrum: NDArray[Any], single: bool = False) -> Array:
