@@ -37,6 +37,8 @@ from worlds.hiding import FORMS
 from worlds.scenario import make_scenario
 from worlds.store import StoredCase, load_case, save_case
 
+#: where gaps begin, as a share of the run, and how long they are [s]
+GAPS = ((0.22, 0.6), (0.41, 1.5), (0.65, 1.0))
 QUIET = ("no_discrepancy", "insufficient_data")
 ANGLE = {"roll": "x", "pitch": "y", "yaw": "z"}
 #: magnitude that a good installation has too -> its tolerance and the factor to the unit that is stated
@@ -93,7 +95,8 @@ def stored_case(case: Case, folder: pathlib.Path) -> StoredCase:
 
 
 def run_case(
-    case: Case, folder: pathlib.Path, only_make: bool = False, halves: bool = False, copies: bool = False, late_s: float = 0.0
+    case: Case, folder: pathlib.Path, only_make: bool = False, halves: bool = False, copies: bool = False, late_s: float = 0.0,
+    gaps: bool = False,
 ) -> dict[str, Any]:
     """Make or read the world, diagnose it, return one JSON-ready record."""
     record: dict[str, Any] = {"key": case.record_key, "causes": list(case.causes), "seed": case.seed, "without": case.without}
@@ -107,6 +110,8 @@ def run_case(
     from ride_estimation.diagnosis.diagnose import diagnose
 
     run, *validation = (_part(r, r.name, round(late_s * r.rate_hz), r.samples) for r in (stored.run, *stored.validation))
+    if gaps:
+        run, *validation = (_with_gaps(r) for r in (run, *validation))
     if halves:
         validation += [half for other in validation for half in _halves(other)]
     known = set(library()) - set(case.causes) if case.without else None
@@ -146,6 +151,17 @@ def _part(run: Any, name: str, first: int, last: int) -> Any:
     return dataclasses.replace(
         run, name=name, data={s: v[part] for s, v in run.data.items()}, valid={s: v[part] for s, v in run.valid.items()}
     )
+
+
+def _with_gaps(run: Any) -> Any:
+    """Return a run in which all sensors were silent three times."""
+    data, valid = ({s: v.copy() for s, v in part.items()} for part in (run.data, run.valid))
+    for share, seconds in GAPS:
+        first = round(share * run.samples)
+        part = slice(first, first + round(seconds * run.rate_hz))
+        for sensor in data:
+            data[sensor][part], valid[sensor][part] = np.nan, False
+    return dataclasses.replace(run, data=data, valid=valid)
 
 
 def _halves(run: Any) -> list[Any]:
@@ -524,6 +540,7 @@ def main() -> None:
     parser.add_argument("--gain-coverage", action="store_true", help="measure the gain on both halves of the other road as well")
     parser.add_argument("--copies", action="store_true", help="repeat every answer on perturbed copies of its run")
     parser.add_argument("--late-s", type=float, default=0.0, help="leave out the first seconds of every run: the body moves then")
+    parser.add_argument("--gaps", action="store_true", help="silence all sensors three times in every run, 0.6 to 1.5 s")
     parser.add_argument("--only-make", action="store_true", help="fill the folder of cases and stop")
     parser.add_argument("--summary-only", action="store_true")
     arguments = parser.parse_args()
@@ -546,7 +563,7 @@ def main() -> None:
                     case = next(queue, None)
                     if case is None:
                         break
-                    asked = arguments.only_make, arguments.gain_coverage, arguments.copies, arguments.late_s
+                    asked = arguments.only_make, arguments.gain_coverage, arguments.copies, arguments.late_s, arguments.gaps
                     waiting.add(pool.submit(run_case, case, arguments.cases, *asked))
                 if not waiting:
                     break
