@@ -299,7 +299,7 @@ def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[Run
         raise InputDataError(
             f"only {data.blocks.count} blocks of {settings.block_s:g} s without gaps remain; {LEAST_BLOCKS} are needed"
         )
-    return data, make_splits(data.blocks.count)
+    return data, make_splits(data.blocks.count, data.blocks.begins)
 
 
 def require_testable(vehicle: Vehicle, run: UniformRun, settings: Settings | None = None) -> None:

@@ -137,7 +137,7 @@ def _right(work: Work, fits: Sequence[FullFit], others: tuple[Fitted, ...], data
     view = RunView(RunData(plant, measured, settings), work.calibrated.view.state)
     if view.blocks.count < LEAST_BLOCKS:
         return 0.0
-    splits = make_splits(view.blocks.count)
+    splits = make_splits(view.blocks.count, view.blocks.begins)
     selector = Selector(calibrated_at(view, splits.train), splits, lambda _: [], settings)
     both = [selector.fitter.fit([*others, f.fitted[-1]], _PASSES) for f in fits]
     before = selector.fitter.fit(others, _PASSES) if others else None

@@ -124,7 +124,7 @@ def _on_copy(work: Work, verdict: str, perturbed_run: PerturbedRun) -> Perturbed
     view = RunView(RunData(perturbed_run.plant, perturbed_run.data, settings), work.calibrated.view.state)
     if view.blocks.count < LEAST_BLOCKS:
         return PerturbedCopy(words, None, f"fewer than {LEAST_BLOCKS} blocks remain")
-    splits = make_splits(view.blocks.count)
+    splits = make_splits(view.blocks.count, view.blocks.begins)
     calibrated = calibrated_at(view, splits.train)
     selector = Selector(calibrated, splits, lambda _: [], settings)
     copy = _Copy(work, calibrated, splits, selector, perturbed_run.lacks)

@@ -11,21 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.common.spectra import FADE_S
-from ride_estimation.diagnosis.common.splits import judges
+from ride_estimation.diagnosis.common.splits import make_splits
 from ride_estimation.diagnosis.runs.run_view import RunView
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-IntArray = NDArray[np.int64]
 
 _LEADING = 2  # blocks of a stretch that the initial state of a prediction is found in; none that judge a run that is fitted
-
-
-def _blocks_of(view: RunView) -> list[tuple[int, IntArray]]:
-    """Return first sample and blocks of the stretches of a run that have some."""
-    first = view.blocks.index[:, 0] * view.grid.rate_hz / view.grid.decimated_rate_hz
-    found = [(start, np.flatnonzero((first > start) & (first < end))) for start, end in view.data.stretches]
-    return [(start, blocks) for start, blocks in found if len(blocks)]
 
 
 def initial_motions(view: RunView) -> tuple[list[tuple[str, str]], Array, ComplexArray]:
@@ -56,8 +48,9 @@ def initial_motions(view: RunView) -> tuple[list[tuple[str, str]], Array, Comple
     moved = (view.deflection_spectrum * stiffness) @ plant.port_map @ shape[:, modes] / square[modes]
     iw = 1j * grid.omega
     names, std, spectra = [], [], []
-    for number, (start, _) in enumerate(_blocks_of(view)):
-        begin = grid.rate_hz * np.exp(-iw * (start / grid.rate_hz + FADE_S))
+    for number, block in enumerate(view.blocks.begins):
+        first, _ = view.data.stretches[view.blocks.stretch[block]]
+        begin = grid.rate_hz * np.exp(-iw * (first / grid.rate_hz + FADE_S))
         for i, mode in enumerate(modes):
             # a blow as soft as the mode is slow: the overtones of a hard one end at the edge of the band and ring there
             blow = begin * np.exp(0.5 * (1.0 - grid.omega**2 / square[mode]))
@@ -77,8 +70,10 @@ def found_motion(view: RunView, residual: ComplexArray) -> ComplexArray:
     Least squares with the standard deviations of the state; what a model misses in the other blocks is the noise of the first.
     """
     _, std, spectra = initial_motions(view)
-    first = [blocks[~judges(blocks)][:_LEADING] for _, blocks in _blocks_of(view)]
-    leading = np.isin(np.arange(view.blocks.count), np.concatenate([np.zeros(0, dtype=int), *first]))
+    count, begins = view.blocks.count, np.array(view.blocks.begins, dtype=int)
+    number = np.arange(count)
+    leading = number - begins[np.searchsorted(begins, number, side="right") - 1] < _LEADING
+    leading[make_splits(count, view.blocks.begins).judge] = False
     if not len(std) or np.all(leading):
         return np.zeros_like(residual)
     weight, grid = view.grid.band_weight, view.grid

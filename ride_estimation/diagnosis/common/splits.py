@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
 
 IntArray = NDArray[np.int64]
 
+_FITS, _SELECTS, _JUDGES = range(3)
+_DEAL = (_FITS, _SELECTS, _FITS, _JUDGES)
 #: fewer blocks cannot fit, select and judge
 LEAST_BLOCKS = 4
 
@@ -28,12 +31,25 @@ class Splits:
         return np.sort(np.concatenate([self.fit, self.select]))
 
 
-def judges(index: IntArray) -> NDArray[np.bool_]:
-    """Return which blocks judge: the last of every four."""
-    return np.asarray(index % 4 == 3)
+def make_splits(count: int, begins: Collection[int] = ()) -> Splits:
+    """Deal blocks: of every four, two to fit, one to select, one to judge.
 
-
-def make_splits(count: int) -> Splits:
-    """Deal blocks: of every four, two to fit, one to select, one to judge."""
-    index = np.arange(count)
-    return Splits(index[np.isin(index % 4, (0, 2))], index[index % 4 == 1], index[judges(index)])
+    Parameters
+    ----------
+    count
+        Number of blocks.
+    begins
+        First blocks of stretches between gaps: they tell the initial state, and the next block judges instead, if there is one.
+    """
+    dealt: tuple[list[int], list[int], list[int]] = ([], [], [])
+    turn = 0
+    for block in range(count):
+        part = _DEAL[turn % len(_DEAL)]
+        if part == _JUDGES and block in begins:
+            dealt[_FITS].append(block)
+            continue
+        dealt[part].append(block)
+        turn += 1
+    if begins and not dealt[_JUDGES]:
+        return make_splits(count)
+    return Splits(*(np.array(part, dtype=np.int64) for part in dealt))

@@ -32,11 +32,19 @@ class Blocks:
         One, or zero inside gaps, shape (B, L).
     time_s
         Middle of every block [s], shape (B,).
+    stretch
+        Number of the stretch between gaps that every block lies in, shape (B,).
     """
 
     index: NDArray[np.int64]
     weight: Array
     time_s: Array
+    stretch: NDArray[np.int64]
+
+    @property
+    def begins(self) -> list[int]:
+        """Return the first block of every stretch that has some."""
+        return [int(block) for block in np.unique(self.stretch, return_index=True)[1]]
 
     @property
     def count(self) -> int:
@@ -86,8 +94,9 @@ def make_blocks(
     full = np.minimum(np.round(index * full_rate / rate).astype(int), grid.samples - 1)
     weight = np.where(bad[full], 0.0, 1.0)
     keep = weight.mean(axis=1) > 0.5 if len(index) else np.zeros(0, dtype=bool)
+    stretch = np.repeat(np.arange(len(parts)), [len(part) for part in parts])[keep]
     index, weight = index[keep], weight[keep]
-    return Blocks(index, weight, index.mean(axis=1) / rate if len(index) else np.zeros(0))
+    return Blocks(index, weight, index.mean(axis=1) / rate if len(index) else np.zeros(0), stretch)
 
 
 def inside_window(
