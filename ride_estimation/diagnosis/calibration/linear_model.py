@@ -419,6 +419,7 @@ def _gauss_newton(data: RunData, blocks: IntArray | None, iterations: int, start
     used = np.arange(data.blocks.count) if blocks is None else blocks
     # tolerances join once stiffness and damping are near: they must not soak up a linearisation error
     frozen, damped = (True, _DAMPED) if start is None else (False, 0)
+    before = np.inf, 0.0
     for number in range(iterations):
         if number == iterations - 1:
             frozen, damped = False, 0
@@ -430,8 +431,15 @@ def _gauss_newton(data: RunData, blocks: IntArray | None, iterations: int, start
             frozen, state = moves > 0.1, stepped(state, found.view, adjustables, fit.coefficients)
             continue
         small = moves < 0.02 and _largest(adjustables, fit.coefficients, TILT_KINDS) < 0.1
-        if not damped and (small or _idle(found.regression, adjustables, used, fit, settings)):
-            break
+        if not damped:
+            # a step may leave nothing to gain along its own columns, and the next one halve what sensors are strained by
+            level = found.regression.misfit(found.regression.grams, used, fit.coefficients), found.penalty
+            temper = found.regression.temper
+            gained = before[0] - level[0] + temper * (before[1] - level[1])
+            settled = gained < 2.0 * settings.significance * temper
+            if small or (settled and _idle(found.regression, adjustables, used, fit, settings)):
+                break
+            before = level
         damped = 0 if small else max(damped - 1, 0)
         plant, state = _advanced(found, settings, _explains(found))
     if found is None:
