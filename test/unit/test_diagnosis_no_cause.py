@@ -15,7 +15,7 @@ from ride_estimation.diagnosis.answer.gain import judged_in_band
 from ride_estimation.diagnosis.answer.result import NO_DISCREPANCY
 from ride_estimation.diagnosis.calibration.baseline import Adjustable
 from ride_estimation.diagnosis.calibration.installation import installation_remarks
-from ride_estimation.diagnosis.calibration.linear_model import calibrate
+from ride_estimation.diagnosis.calibration.linear_model import calibrate, calibrated_at, moved_plant, stepped
 from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.common.splits import make_splits
 from ride_estimation.diagnosis.diagnose import diagnose
@@ -23,6 +23,7 @@ from ride_estimation.diagnosis.model.measurement import measurement
 from ride_estimation.diagnosis.model.plant import build_plant
 from ride_estimation.diagnosis.runs.noise import gross_power
 from ride_estimation.diagnosis.runs.run_data import RunData
+from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.signals.recording import UniformRun
 
 
@@ -84,6 +85,22 @@ def test_a_cab_that_moves_far_on_soft_mounts_is_calibrated_down_to_its_noise():
     misfit = found.regression.misfit(found.regression.grams, found.blocks, found.fit.coefficients)
     assert misfit < 1.1 * float(found.view.block_dof[found.blocks].sum())
     assert not found.strained
+
+
+@pytest.mark.slow
+def test_calibration_ends_where_a_further_step_gains_nothing():
+    # one step earlier sensors are strained by 120 instead of 86, and any cause that is fitted further seems to explain that
+    vehicle, run, _ = product_inputs(healthy(1100005))
+    plant = build_plant(vehicle, {name: np.shape(values)[1] for name, values in run.data.items()})
+    data = RunData(plant, measurement(plant, run), Settings())
+    blocks = make_splits(data.blocks.count).train
+    found = calibrate(data, blocks)
+    view = found.view
+    state = stepped(view.state, view, found.adjustables, found.fit.coefficients)
+    moved = moved_plant(view.plant, found.adjustables, found.fit.coefficients, view.settings, True)
+    further = calibrated_at(RunView(data.with_plant(moved), state), blocks)
+    levels = [c.regression.misfit(c.regression.grams, blocks, c.fit.coefficients) + c.penalty for c in (found, further)]
+    assert levels[0] - levels[1] < 2.0 * view.settings.significance
 
 
 @pytest.mark.slow
