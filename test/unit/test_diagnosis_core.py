@@ -290,7 +290,7 @@ def test_bootstrap_interval_holds_the_difference_and_widens_with_scatter():
     assert rough[1] - rough[0] > 0.01
 
 
-@pytest.mark.parametrize(("memory", "apart"), [(0.0, 1), (0.2, 1), (0.0, 2)], ids=["alone", "remember", "no neighbours"])
+@pytest.mark.parametrize(("memory", "apart"), [(0.0, 1), (0.3, 1), (0.0, 2)], ids=["alone", "remember", "no neighbours"])
 def test_bootstrap_interval_covers_the_truth_as_often_as_it_says(memory, apart):
     rng = np.random.default_rng(10)
     hits, trials, blocks = 0, 300, 20
