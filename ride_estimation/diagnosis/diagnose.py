@@ -354,6 +354,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     residual = residual_summary(base, extended, remaining, accepted is not None)
     ladder, evidence = _ladder(work, base, extended), make_evidence(base, extended)
     warnings = [*work.plant.warnings, *filter(None, [judged.refused]), *_bound_warnings(work, state)]
+    warnings += [data.gap_warning for data in (work.data, *others) if data.gap_warning]
     if work.selection.spent:
         warnings.append(
             f"the search ended at its budget of {settings.most_fits} full fits: causes or rivals of small effect may be missing"

@@ -197,5 +197,8 @@ def test_runs_that_begin_late_or_have_gaps_get_the_answer_of_those_from_rest(hid
     late = diagnose(quarter_car(), recorded(runs[0]), validation=[recorded(runs[1])])
     assert whole.verdict == late.verdict == (EXPLAINED if hidden else NO_DISCREPANCY)
     assert [c.id for c in whole.causes] == [c.id for c in late.causes]
+    gaps = [w for w in late.warnings if "2 gaps longer than 0.1 s" in w]
+    assert len(gaps) == (2 if np.isnan(recorded(runs[0]).data["body"]).any() else 0)
+    assert all("34 of 60 s are analysed" in w for w in gaps)
     first, second = (d.gain.validation[0] for d in (whole, late))
     assert second.extended < 1.3 * first.extended

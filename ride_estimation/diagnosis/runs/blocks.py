@@ -17,7 +17,7 @@ BoolArray = NDArray[np.bool_]
 
 #: longest gap that is bridged by a straight line [s]: five of 0.1 s in a minute leave a misfit of 1.00 to 1.05 per degree of
 #: freedom (0.97 without gaps), of 0.2 s 1.08 to 1.10, of 0.3 s 1.13 to 1.56 (four healthy drawn cabs)
-_BRIDGED_S = 0.1
+BRIDGED_S = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +58,7 @@ def stretches_of(valid: BoolArray, rate_hz: float) -> tuple[tuple[int, int], ...
     What the bases do in a long gap nobody knows: after it a run begins anew, from a state of its own.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[True], valid, [True]]).astype(int)))
-    gaps = [(first, last) for first, last in edges.reshape(-1, 2).tolist() if last - first > _BRIDGED_S * rate_hz]
+    gaps = [(first, last) for first, last in edges.reshape(-1, 2).tolist() if last - first > BRIDGED_S * rate_hz]
     cuts = [0, *(edge for gap in gaps for edge in gap), len(valid)]
     return tuple((first, last) for first, last in zip(cuts[::2], cuts[1::2]) if last > first)
 

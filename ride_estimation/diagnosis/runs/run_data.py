@@ -10,8 +10,9 @@ from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.common.spectra import make_grid
 from ride_estimation.diagnosis.model.measurement import Measurement
 from ride_estimation.diagnosis.model.plant import Plant
-from ride_estimation.diagnosis.runs.blocks import fading, inside_window, make_blocks, stretches_of
+from ride_estimation.diagnosis.runs.blocks import BRIDGED_S, fading, inside_window, make_blocks, stretches_of
 from ride_estimation.diagnosis.runs.noise import gyro_noise_scale, noise_scale
+from ride_estimation.signals.recording import run_title
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -109,6 +110,18 @@ class RunData:
         """
         level = np.sqrt(self.grid.samples / max(float(np.sum(self._inside**2)), 1.0))
         return self.grid.spectrum(self.grid.signal(spectrum) * (level * self._inside)[:, None])
+
+    @property
+    def gap_warning(self) -> str:
+        """Return how much of a run with long gaps is analysed, empty for one without."""
+        count = len(self.stretches) - 1
+        if count < 1:
+            return ""
+        gaps = "a gap" if count == 1 else f"{count} gaps"
+        return (
+            f"{run_title(self.measured.name)}: {gaps} longer than {BRIDGED_S:g} s; "
+            f"{self.blocks.count * self.settings.block_s:.0f} of {self.grid.duration_s:.0f} s are analysed"
+        )
 
     @property
     def analysed_samples(self) -> NDArray[np.bool_]:
