@@ -39,6 +39,7 @@ from ride_estimation.diagnosis.answer.verdict import (
     describe,
     force_laws,
     gained_nothing,
+    leaves_most,
     left_elsewhere,
     name_causes,
     proven,
@@ -436,6 +437,8 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[RunData]
                 reason = "gained nothing beyond doubt over a model that leaves no more than noise"
             elif known < _EVEN and remaining > _MOSTLY_UNEXPLAINED and not (gained and discrepancy(work, base, gain)):
                 reason = f"left {100 * remaining:.0f} % of the residual energy and gained nothing beyond doubt"
+            elif work.selector.base_excess - 1.0 <= FLOOR and leaves_most(gain):
+                reason = "left most of what a model misses that explains the run"
         if not reason:
             return _Judged(work, extended, gain, warnings, law)
     refused = f"{', '.join(accepted.causes)} {reason}: not named"

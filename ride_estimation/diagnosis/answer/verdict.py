@@ -261,6 +261,12 @@ def right_elsewhere(gain: Gain, settings: Settings) -> bool:
     return all(after <= MISSED * settings.adequacy for _, after in _missed_within_range(gain))
 
 
+def leaves_most(gain: Gain) -> bool:
+    """Return whether named causes leave more than half of the energy above the noise floor where nothing was fitted."""
+    before, after = (sum(missed**2 for missed in model) for model in zip(*_missed_within_range(gain)))
+    return bool(after > 0.5 * before)
+
+
 def _missed_within_range(gain: Gain) -> list[tuple[float, float]]:
     """Return what both models miss of every run beyond the noise, within the strokes that causes were fitted on."""
     judged = [v.in_range or (v.baseline, v.extended, v.noise_floor) for v in gain.validation]
