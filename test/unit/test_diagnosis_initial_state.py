@@ -180,7 +180,8 @@ def test_a_prediction_from_rest_does_not_look_at_outputs():
         predict(RunData(calibrated.view.plant, m, Settings()), plain_model(calibrated), at_rest=True).spectrum
         for m in (measured, other)
     )
-    np.testing.assert_array_equal(first, second)
+    # up to rounding, which depends on where in memory the arrays lie
+    np.testing.assert_allclose(first, second, rtol=0.0, atol=1e-12 * np.abs(first).max())
 
 
 @pytest.mark.parametrize("hidden", ["", "stribeck"])
