@@ -32,6 +32,7 @@ from scipy.stats import beta, norm
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "test"))
 
+from worlds.adapters import stretch, with_gaps
 from worlds.effects import CAUSES, OUTSIDE
 from worlds.hiding import FORMS
 from worlds.scenario import make_scenario
@@ -109,9 +110,12 @@ def run_case(
     from ride_estimation.diagnosis.common.settings import Settings
     from ride_estimation.diagnosis.diagnose import diagnose
 
-    run, *validation = (_part(r, r.name, round(late_s * r.rate_hz), r.samples) for r in (stored.run, *stored.validation))
+    run, *validation = (stretch(r, round(late_s * r.rate_hz)) for r in (stored.run, *stored.validation))
     if gaps:
-        run, *validation = (_with_gaps(r) for r in (run, *validation))
+        run, *validation = (
+            with_gaps(r, *((at * r.samples / r.rate_hz, at * r.samples / r.rate_hz + length) for at, length in GAPS))
+            for r in (run, *validation)
+        )
     if halves:
         validation += [half for other in validation for half in _halves(other)]
     known = set(library()) - set(case.causes) if case.without else None
@@ -145,30 +149,11 @@ def run_case(
     return record
 
 
-def _part(run: Any, name: str, first: int, last: int) -> Any:
-    """Return the samples from ``first`` to before ``last`` of a run."""
-    part = slice(first, last)
-    return dataclasses.replace(
-        run, name=name, data={s: v[part] for s, v in run.data.items()}, valid={s: v[part] for s, v in run.valid.items()}
-    )
-
-
-def _with_gaps(run: Any) -> Any:
-    """Return a run in which all sensors were silent three times."""
-    data, valid = ({s: v.copy() for s, v in part.items()} for part in (run.data, run.valid))
-    for share, seconds in GAPS:
-        first = round(share * run.samples)
-        part = slice(first, first + round(seconds * run.rate_hz))
-        for sensor in data:
-            data[sensor][part], valid[sensor][part] = np.nan, False
-    return dataclasses.replace(run, data=data, valid=valid)
-
-
 def _halves(run: Any) -> list[Any]:
     """Return both halves of a run: two stretches of one road whose gains are estimated apart."""
     middle = run.samples // 2
     parts = ((0, middle), (middle, run.samples))
-    return [_part(run, f"{run.name}_half_{number}", *part) for number, part in enumerate(parts)]
+    return [stretch(run, *part, f"{run.name}_half_{number}") for number, part in enumerate(parts)]
 
 
 def _jsonable(value: Any) -> Any:

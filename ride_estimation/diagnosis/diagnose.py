@@ -39,11 +39,11 @@ from ride_estimation.diagnosis.answer.verdict import (
     describe,
     force_laws,
     gained_nothing,
-    leaves_most,
     left_elsewhere,
     name_causes,
     proven,
     right_elsewhere,
+    share_left,
     unexplained_run,
     within_library,
 )
@@ -257,7 +257,6 @@ def _diagnosed(
     """Return the diagnosis of one run, the others only judging."""
     try:
         data, splits = _prepare(vehicle, run, settings)
-        settings = data.settings
         calibrated = with_held_faults(calibrate(data, splits.train))
         _check_excitation(calibrated.view, settings)
     except InputDataError as error:
@@ -437,7 +436,7 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[RunData]
                 reason = "gained nothing beyond doubt over a model that leaves no more than noise"
             elif known < _EVEN and remaining > _MOSTLY_UNEXPLAINED and not (gained and discrepancy(work, base, gain)):
                 reason = f"left {100 * remaining:.0f} % of the residual energy and gained nothing beyond doubt"
-            elif work.selector.base_excess - 1.0 <= FLOOR and leaves_most(gain):
+            elif work.selector.base_excess - 1.0 <= FLOOR and share_left(gain) > _MOSTLY_UNEXPLAINED:
                 reason = "left most of what a model misses that explains the run"
         if not reason:
             return _Judged(work, extended, gain, warnings, law)

@@ -8,6 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 from diagnosis_runs import DAMPING, MASS, STIFFNESS, hiding_law, quarter_car, quarter_car_run
+from worlds.adapters import stretch, with_gaps
 
 from ride_estimation.diagnosis.answer.result import EXPLAINED, NO_DISCREPANCY
 from ride_estimation.diagnosis.calibration.initial_state import found_motion, initial_motions
@@ -36,20 +37,7 @@ def lightly_damped(seed: int, law=lambda x, v: 0.0, seconds: float = 60.0) -> Un
 
 def begun_late(run: UniformRun, seconds: float) -> UniformRun:
     """Return a run without its first seconds."""
-    first = round(seconds * run.rate_hz)
-    return dataclasses.replace(
-        run, data={s: v[first:] for s, v in run.data.items()}, valid={s: v[first:] for s, v in run.valid.items()}
-    )
-
-
-def with_gaps(run: UniformRun, *gaps_s: tuple[float, float]) -> UniformRun:
-    """Return a run whose sensors were silent from and to some times."""
-    data, valid = ({s: v.copy() for s, v in part.items()} for part in (run.data, run.valid))
-    for begin, end in gaps_s:
-        part = slice(round(begin * run.rate_hz), round(end * run.rate_hz))
-        for sensor in data:
-            data[sensor][part], valid[sensor][part] = np.nan, False
-    return dataclasses.replace(run, data=data, valid=valid)
+    return stretch(run, round(seconds * run.rate_hz))
 
 
 def seen(run: UniformRun, damping: float = LIGHT) -> RunView:

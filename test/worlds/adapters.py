@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pathlib
 import tempfile
 
@@ -27,6 +28,22 @@ def uniform_run(measurement: Measurement, name: str = "world", *, from_s: float 
     valid = {key: np.ones(len(values), bool) for key, values in data.items()}
     start = START_NS + round(first / measurement.rate_hz * 1e9)
     return UniformRun(name, measurement.rate_hz, start, data, valid)
+
+
+def stretch(run: UniformRun, first: int, last: int | None = None, name: str = "") -> UniformRun:
+    """Return the samples of a run from ``first`` to before ``last``."""
+    data, valid = ({s: v[first:last] for s, v in part.items()} for part in (run.data, run.valid))
+    return dataclasses.replace(run, name=name or run.name, data=data, valid=valid)
+
+
+def with_gaps(run: UniformRun, *gaps_s: tuple[float, float]) -> UniformRun:
+    """Return a run whose sensors were silent from and to some times [s]."""
+    data, valid = ({s: v.copy() for s, v in part.items()} for part in (run.data, run.valid))
+    for begin, end in gaps_s:
+        part = slice(round(begin * run.rate_hz), round(end * run.rate_hz))
+        for sensor in data:
+            data[sensor][part], valid[sensor][part] = np.nan, False
+    return dataclasses.replace(run, data=data, valid=valid)
 
 
 def recording(measurement: Measurement, name: str = "world", *, latency_s: float = 0.002) -> Recording:

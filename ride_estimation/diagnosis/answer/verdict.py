@@ -251,9 +251,7 @@ def left_elsewhere(gain: Gain, settings: Settings) -> float | None:
     """
     least = MISSED * settings.adequacy
     judged = [run for run in _missed_within_range(gain) if run[0] ** 2 > 2.0 * least**2]
-    if not judged:
-        return None
-    return sum(after**2 for _, after in judged) / sum(before**2 for before, _ in judged)
+    return _share_left(judged) if judged else None
 
 
 def right_elsewhere(gain: Gain, settings: Settings) -> bool:
@@ -261,10 +259,14 @@ def right_elsewhere(gain: Gain, settings: Settings) -> bool:
     return all(after <= MISSED * settings.adequacy for _, after in _missed_within_range(gain))
 
 
-def leaves_most(gain: Gain) -> bool:
-    """Return whether named causes leave more than half of the energy above the noise floor where nothing was fitted."""
-    before, after = (sum(missed**2 for missed in model) for model in zip(*_missed_within_range(gain)))
-    return bool(after > 0.5 * before)
+def share_left(gain: Gain) -> float:
+    """Return the share of the energy above the noise floor that named causes leave, however little a right model may leave."""
+    return _share_left(_missed_within_range(gain))
+
+
+def _share_left(judged: Sequence[tuple[float, float]]) -> float:
+    before, after = (sum(missed**2 for missed in model) for model in zip(*judged))
+    return float(after / max(before, 1e-300))
 
 
 def _missed_within_range(gain: Gain) -> list[tuple[float, float]]:

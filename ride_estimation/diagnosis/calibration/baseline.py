@@ -27,7 +27,6 @@ SingleArray = NDArray[np.float32]
 
 #: errors of single sensors
 OF_SENSORS = ("gain", "misalignment", "position", "delay", "bandwidth")
-INITIAL_STATE = "initial_state"  # kind of what belongs to one run and to no other
 _BATCH = 32  # columns whitened at once: transforms of all of them together take half a gigabyte for a minute
 
 
@@ -144,7 +143,7 @@ def baseline_columns(
     """
     adjustables: list[Adjustable] = []
     parts, means = [], []
-    columns = baseline_spectra(view, table, prior)
+    columns = itertools.chain(baseline_spectra(view, table, prior), _initial_columns(view))
     # spectra of all columns at once take a hundred megabytes
     while batch := [*itertools.islice(columns, _BATCH)]:
         adjustables += [item for item, _, _ in batch]
@@ -156,7 +155,7 @@ def baseline_columns(
 
 
 def baseline_spectra(view: RunView, table: MeanTable, prior: tuple[Array, Array]) -> Iterator[_Column]:
-    """Yield the adjustables of a view, their output spectra (F, ny) and what they add to mean readings, row -> value."""
+    """Yield the adjustables that hold on other runs, too, their output spectra (F, ny) and means they add to, row -> value."""
     moving = {name: body_spectra(view, name)[1] for name in dict.fromkeys(b for b, _ in view.plant.coordinates)}
     from_port = view.response.output_from_port
     for item, p, force in _port_adjustables(view, prior):
@@ -165,9 +164,13 @@ def baseline_spectra(view: RunView, table: MeanTable, prior: tuple[Array, Array]
         yield item, spectrum, {}
     yield from _sensor_columns(view, table)
     yield from _attitude_columns(view, table)
+
+
+def _initial_columns(view: RunView) -> Iterator[_Column]:
+    """Yield the initial state of the run, which belongs to no other."""
     names, std, spectra = initial_motions(view)
     for number, (mode, name) in enumerate(names):
-        yield Adjustable(INITIAL_STATE, mode, name, float(std[number])), spectra[:, :, number], {}
+        yield Adjustable("initial_state", mode, name, float(std[number])), spectra[:, :, number], {}
 
 
 def _port_adjustables(view: RunView, prior: tuple[Array, Array]) -> list[tuple[Adjustable, int, ComplexArray]]:

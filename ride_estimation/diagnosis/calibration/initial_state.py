@@ -44,24 +44,23 @@ def initial_motions(view: RunView) -> tuple[list[tuple[str, str]], Array, Comple
     frequency = np.sqrt(np.maximum(square, 0.0)) / (2.0 * np.pi)
     kept = np.exp(-decay * max(settings.trim_s - FADE_S, 0.0)) > settings.adequacy
     modes = np.flatnonzero((frequency > grid.lower_hz) & (frequency < grid.upper_hz) & kept)
+    iw = 1j * grid.omega
     # what the springs do to a mode says how far it is deflected, whatever the bases do
     moved = (view.deflection_spectrum * stiffness) @ plant.port_map @ shape[:, modes] / square[modes]
-    iw = 1j * grid.omega
-    names, std, spectra = [], [], []
+    power = np.stack([np.sum(np.abs(moved) ** 2, axis=0), np.sum(np.abs(iw[:, None] * moved) ** 2, axis=0)], axis=1)
+    std = 2.0 * np.sqrt(power / (grid.padded * grid.samples))
+    # a blow as soft as the mode is slow: the overtones of a hard one end at the edge of the band and ring there
+    blow = np.exp(0.5 * (1.0 - (grid.omega**2)[:, None] / square[modes]))
+    velocity = (view.response.output_from_wrench @ (plant.mass @ shape[:, modes])) * blow[:, None, :]
+    free = np.stack([iw[:, None, None] * velocity, velocity], axis=3).reshape(*velocity.shape[:2], -1)
+    names: list[tuple[str, str]] = []
+    spectra = [np.zeros((*velocity.shape[:2], 0), dtype=complex)]
     for number, block in enumerate(view.blocks.begins):
         first, _ = view.data.stretches[view.blocks.stretch[block]]
-        begin = grid.rate_hz * np.exp(-iw * (first / grid.rate_hz + FADE_S))
-        for i, mode in enumerate(modes):
-            # a blow as soft as the mode is slow: the overtones of a hard one end at the edge of the band and ring there
-            blow = begin * np.exp(0.5 * (1.0 - grid.omega**2 / square[mode]))
-            impulse = view.response.output_from_wrench @ (plant.mass @ shape[:, mode]) * blow[:, None]
-            for name, factor in (("displacement", iw), ("velocity", np.ones_like(iw))):
-                power = np.abs(moved[:, i] * (iw / factor)) ** 2
-                names.append((f"mode_{mode + 1}{f'_after_gap_{number}' if number else ''}", name))
-                std.append(2.0 * float(np.sqrt(np.sum(power) / (grid.padded * grid.samples))))
-                spectra.append(impulse * factor[:, None])
-    empty = np.zeros((len(iw), len(plant.outputs), 0), dtype=complex)
-    return names, np.array(std), np.stack(spectra, axis=2) if spectra else empty
+        after = f"_after_gap_{number}" if number else ""
+        names += [(f"mode_{mode + 1}{after}", name) for mode in modes for name in ("displacement", "velocity")]
+        spectra.append(grid.rate_hz * np.exp(-iw * (first / grid.rate_hz + FADE_S))[:, None, None] * free)
+    return names, np.tile(std.ravel(), len(view.blocks.begins)), np.concatenate(spectra, axis=2)
 
 
 def found_motion(view: RunView, residual: ComplexArray) -> ComplexArray:

@@ -15,7 +15,7 @@ from ride_estimation.diagnosis.model.response import LinearResponse
 
 ComplexArray = NDArray[np.complex128]
 
-FORCES = (Where.PORT, Where.WRENCH)
+_FORCES = (Where.PORT, Where.WRENCH)
 _TRANSFERS = {Where.PORT: "output_from_port", Where.WRENCH: "output_from_wrench", Where.INPUT: "output_from_input"}
 
 
@@ -45,7 +45,7 @@ class Injector:
         """
         found = self._known.get((where, single))
         if found is None:
-            found = self._whitener[:, self._silent :] if where in FORCES else self._whitener
+            found = self._whitener[:, self._silent :] if where in _FORCES else self._whitener
             if where is not Where.OUTPUT:
                 found = found @ getattr(self._response, _TRANSFERS[where])
             self._known[where, single] = found = found.astype(np.complex64) if single else found
@@ -53,7 +53,7 @@ class Injector:
 
     def reached(self, columns: Sequence[Column]) -> int:
         """Return how many of the whitened channels columns of effects reach, the last ones."""
-        forces = all(e.where in FORCES for column in columns for e in column if e.where is not Where.MEAN)
+        forces = all(e.where in _FORCES for column in columns for e in column if e.where is not Where.MEAN)
         return int(self._whitener.shape[1]) - (self._silent if forces else 0)
 
     def whitened(self, columns: Sequence[Column], single: bool = False) -> NDArray[Any]:

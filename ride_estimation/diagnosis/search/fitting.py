@@ -29,7 +29,7 @@ from ride_estimation.diagnosis.calibration.linear_model import (
     strained,
     with_named_cg,
 )
-from ride_estimation.diagnosis.calibration.regression import Regression, side_by_side
+from ride_estimation.diagnosis.calibration.regression import Regression, side_by_side, whole_rows
 from ride_estimation.diagnosis.common.effect import Column, Effect, Where, combined_effects
 from ride_estimation.diagnosis.common.splits import Splits
 from ride_estimation.diagnosis.hypotheses.body_wrench import cg_column
@@ -299,8 +299,8 @@ def inherent_misfit(fit: FullFit, blocks: IntArray, seed: int) -> float:
     for f in fit.fitted:
         if not np.any(f.coefficients):
             continue
-        pair = [s.push([combined_effects(f.hypothesis.columns(s, f.shape), f.coefficients)])[:, :, 0] for s in (fit.view, noisy)]
-        total[:, total.shape[1] - pair[0].shape[1] :] += pair[1] - pair[0]
+        pair = [s.push([combined_effects(f.hypothesis.columns(s, f.shape), f.coefficients)]) for s in (fit.view, noisy)]
+        total += whole_rows(pair[1] - pair[0], total.shape[1])[:, :, 0]
     return float(np.sum(total[blocks] ** 2))
 
 
@@ -440,9 +440,7 @@ class FullFitter:
         residual = view.residual
         given = [*view.state.effects, *held_effects(view), *_held_cg(view), *_of_regression(view, simulated)]
         if given:
-            pushed = view.push([tuple(given)])[:, :, 0]
-            residual = residual.copy()
-            residual[:, residual.shape[1] - pushed.shape[1] :] += pushed
+            residual = residual + whole_rows(view.push([tuple(given)]), residual.shape[1])[:, :, 0]
         adjustables, regression = self._regression(view, residual, temper, hypotheses, faults)
         projector = Projector(regression, self._blocks)
         if iteration == 1:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri, stdtrit
 
-from ride_estimation.diagnosis.calibration.baseline import INITIAL_STATE, Adjustable, baseline_spectra, mean_table
+from ride_estimation.diagnosis.calibration.baseline import Adjustable, baseline_spectra, mean_table
 from ride_estimation.diagnosis.calibration.initial_state import found_motion
 from ride_estimation.diagnosis.calibration.linear_model import build_regression, file_parameters, step_factor
 from ride_estimation.diagnosis.causes import library
@@ -137,8 +137,7 @@ def predict(data: RunData, model: Model, blocks: IntArray | None = None, at_rest
         if blocks is not None:
             fitted = [_refitted(view, f, np.asarray(blocks, dtype=int)) for f in fitted]
         view, missed = _settled(view, state, fitted)
-    elsewhere = ("stiffness", "damping", INITIAL_STATE)
-    values = {a.name: v for a, v in zip(model.adjustables, model.coefficients) if a.kind not in elsewhere}
+    values = {a.name: v for a, v in zip(model.adjustables, model.coefficients) if a.kind not in ("stiffness", "damping")}
     adjusted = view.model.predicted_spectrum.copy()
     for a, spectrum, _ in baseline_spectra(view, mean_table(view), file_parameters(plant)):
         if values.get(a.name, 0.0) != 0.0:
