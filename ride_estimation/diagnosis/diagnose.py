@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.answer.evidence import make_evidence, residual_summary
 from ride_estimation.diagnosis.answer.gain import (
     FLOOR,
+    ValidationRun,
     discrepancy,
     gain_over,
     judged_in_band,
@@ -342,7 +343,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     settings, view = work.settings, work.calibrated.view
     base = predict(work.data, work.baseline)
     others, unused = usable_runs(work, validation)
-    judged = _accepted_or_not(weighed(work, others), base, others)
+    judged = _accepted_or_not(weighed(work, [run.data for run in others]), base, others)
     work, extended = judged.work.stated(), judged.extended
     accepted = work.selection.accepted
     state = work.extended.stepped_state({(p.mount, p.axis): i for i, p in enumerate(work.plant.ports)})
@@ -354,7 +355,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     residual = residual_summary(base, extended, remaining, accepted is not None)
     ladder, evidence = _ladder(work, base, extended), make_evidence(base, extended)
     warnings = [*work.plant.warnings, *filter(None, [judged.refused]), *_bound_warnings(work, state)]
-    warnings += [data.gap_warning for data in (work.data, *others) if data.gap_warning]
+    warnings += [data.gap_warning for data in (work.data, *(run.data for run in others)) if data.gap_warning]
     if work.selection.spent:
         warnings.append(
             f"the search ended at its budget of {settings.most_fits} full fits: causes or rivals of small effect may be missing"
@@ -414,7 +415,7 @@ class _Judged:
     refuted: bool = False
 
 
-def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[RunData]) -> _Judged:
+def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[ValidationRun]) -> _Judged:
     """Return the accepted causes as judged where they were not fitted."""
     accepted, settings = work.selection.accepted, work.settings
     if accepted is None:

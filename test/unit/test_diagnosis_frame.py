@@ -24,7 +24,7 @@ from ride_estimation.diagnosis.runs.run_data import RunData
 from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.diagnosis.search.outlier import soft_mount
 from ride_estimation.diagnosis.search.prediction import Model as PredictionModel
-from ride_estimation.diagnosis.search.prediction import block_squares, noise_floor, predict
+from ride_estimation.diagnosis.search.prediction import block_squares, noise_squares, pooled_nrmse, predict
 from ride_estimation.frames import point_motion_matrix
 from ride_estimation.io.vehicle_file import load_vehicle
 
@@ -236,9 +236,10 @@ def test_the_noise_floor_of_quiet_blocks_is_higher_than_that_of_loud_ones():
     prediction = predict(data, model)
     errors, signal = block_squares(prediction)
     order = np.argsort(signal)
-    quiet, loud = noise_floor(view, signal, order[:3]), noise_floor(view, signal, order[-3:])
+    noise = noise_squares(view)
+    quiet, loud = (pooled_nrmse(noise, signal, blocks) for blocks in (order[:3], order[-3:]))
     assert quiet > loud
     everything = np.arange(len(signal))
     # a right model leaves the floor: chi-square of some thousand samples, and 0.4 % tolerated model error
     nrmse = np.sqrt(errors.sum() / signal.sum())
-    assert noise_floor(view, signal, everything) == pytest.approx(nrmse, rel=0.15)
+    assert pooled_nrmse(noise, signal, everything) == pytest.approx(nrmse, rel=0.15)

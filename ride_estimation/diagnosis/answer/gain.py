@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.answer.result import Gain, JudgedBlocks, ValidationGain
 from ride_estimation.diagnosis.answer.verdict import MISSED, shows_elsewhere
 from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.common.parallel import in_order, usable_threads
 from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.common.splits import LEAST_BLOCKS
 from ride_estimation.diagnosis.hypotheses.hypothesis import Law
@@ -20,10 +21,11 @@ from ride_estimation.diagnosis.runs.run_data import RunData
 from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.diagnosis.search.fitting import FullFit, inherent_misfit, tolerance_of
 from ride_estimation.diagnosis.search.prediction import (
+    Model,
     Prediction,
     block_squares,
     bootstrap_interval,
-    noise_floor,
+    noise_squares,
     pooled_nrmse,
     predict,
 )
@@ -88,7 +90,41 @@ def noticeable(work: Work, base: Prediction, extended: Prediction) -> bool:
     return bool(np.any(before - after > work.settings.adequacy**2 * base.view.noise.power_ratio * signal))
 
 
-def usable_runs(work: Work, validation: Sequence[UniformRun]) -> tuple[list[RunData], list[str]]:
+@dataclasses.dataclass(frozen=True)
+class ValidationRun:
+    """A run that takes no part in fits.
+
+    Attributes
+    ----------
+    data
+        The run.
+    errors, signal, noise
+        Sums of squares of every block, shape (B,) each: of the residual of the calibrated model, of the measured signal, of what
+        the measurement alone leaves.
+    """
+
+    data: RunData
+    errors: Array
+    signal: Array
+    noise: Array
+
+    @classmethod
+    def of(cls, data: RunData, calibrated: Model) -> ValidationRun:
+        """Return a run as the calibrated model predicts it."""
+        plain = predict(data, calibrated)
+        return cls(data, *block_squares(plain), noise_squares(plain.view))
+
+    @property
+    def name(self) -> str:
+        """Return the name of the run."""
+        return self.data.measured.name
+
+    def nrmse(self, errors: Array, blocks: IntArray) -> float:
+        """Return the NRMSE of a model over some blocks from its squared errors of all, shape (B,)."""
+        return pooled_nrmse(errors, self.signal, blocks)
+
+
+def usable_runs(work: Work, validation: Sequence[UniformRun]) -> tuple[list[ValidationRun], list[str]]:
     """Return the validation runs that measure what the model needs, and warnings about the others."""
     usable, warnings = [], []
     for other in validation:
@@ -101,11 +137,44 @@ def usable_runs(work: Work, validation: Sequence[UniformRun]) -> tuple[list[RunD
             warnings.append(f"validation run {other.name}: too short; not used")
             continue
         usable.append(data)
-    return usable, warnings
+    runs = in_order(lambda data: ValidationRun.of(data, work.baseline), usable, work.settings.threads or usable_threads())
+    return list(runs), warnings
+
+
+@dataclasses.dataclass(frozen=True)
+class _Predicted:
+    """What the extended model leaves of a validation run.
+
+    Attributes
+    ----------
+    errors
+        Squared errors of every block, shape (B,).
+    judged, known
+        Blocks that judge, and those of them that do not go beyond what its laws were fitted on.
+    """
+
+    errors: Array
+    judged: IntArray
+    known: IntArray
+
+
+def _predicted(work: Work, run: ValidationRun) -> _Predicted | None:
+    """Return what the extended model leaves of a validation run, None where its prediction did not settle."""
+    count = run.data.blocks.count
+    if not work.extended.fitted:
+        every = np.arange(count, dtype=np.int64)
+        return _Predicted(run.errors, every, every)
+    bound = any(f.hypothesis.run_bound for f in work.extended.fitted)
+    refit = np.arange(0, count, 2, dtype=np.int64) if bound else None
+    better = predict(run.data, work.extended, refit)
+    if not better.settled:
+        return None
+    judged = better.told(np.arange(1 if bound else 0, count, 2 if bound else 1, dtype=np.int64))
+    return _Predicted(block_squares(better)[0], judged, in_range(work.selection.accepted, better.view, judged))
 
 
 def measured_gain(
-    work: Work, base: Prediction, extended: Prediction, validation: Sequence[RunData]
+    work: Work, base: Prediction, extended: Prediction, validation: Sequence[ValidationRun]
 ) -> tuple[Gain, list[str]]:
     """Return the errors of the calibrated and the extended model where nothing was fitted, and warnings.
 
@@ -113,57 +182,45 @@ def measured_gain(
     """
     settings = work.settings
     warnings: list[str] = []
-    base_squares, ext_squares = block_squares(base), block_squares(extended)
+    (base_errors, signal), (ext_errors, _) = block_squares(base), block_squares(extended)
     judge = work.splits.judge if not work.extended.fitted else extended.told(work.splits.judge)
-    baseline, after = (pooled_nrmse(e, base_squares[1], judge) for e in (base_squares[0], ext_squares[0]))
+    baseline, after = (pooled_nrmse(e, signal, judge) for e in (base_errors, ext_errors))
     # what is unknown of the tilt of brackets is an upper limit: where a model leaves less, it was less
-    floor = min(noise_floor(base.view, base_squares[1], judge), baseline, after)
-    own = (baseline, after, floor)
+    floor = min(pooled_nrmse(noise_squares(base.view), signal, judge), baseline, after)
     results: list[ValidationGain] = []
     blocks: list[JudgedBlocks] = []
-    for data in validation:
-        name, count = data.measured.name, data.blocks.count
-        bound = any(f.hypothesis.run_bound for f in work.extended.fitted)
-        refit = np.arange(0, count, 2, dtype=np.int64) if bound else None
-        judged = np.arange(1 if bound else 0, count, 2 if bound else 1, dtype=np.int64)
-        left_errors, known = None, judged
-        if work.extended.fitted:
-            better = predict(data, work.extended, refit)
-            if not better.settled:
-                warnings.append(
-                    f"validation run {name}: the found law is so stiff there that its prediction did not settle; not used"
-                )
-                continue
-            judged = better.told(judged)
-            left_errors, known = block_squares(better)[0], in_range(work.selection.accepted, better.view, judged)
-            del better  # a view of a minute takes a hundred megabytes
-        probe = predict(data, work.baseline)
-        e0, s0 = block_squares(probe)
-        e1 = e0 if left_errors is None else left_errors
-        if work.extended.fitted and pooled_nrmse(e1, s0, judged) > _AS_GOOD * pooled_nrmse(e0, s0, judged):
+    predictions = in_order(lambda run: _predicted(work, run), validation, settings.threads or usable_threads())
+    for run, found in zip(validation, predictions):
+        if found is None:
             warnings.append(
-                f"validation run {name}: the extended model is worse there than the calibrated one; "
+                f"validation run {run.name}: the found law is so stiff there that its prediction did not settle; not used"
+            )
+            continue
+        judged, known = found.judged, found.known
+        before, left = (run.nrmse(e, judged) for e in (run.errors, found.errors))
+        if left > _AS_GOOD * before:
+            warnings.append(
+                f"validation run {run.name}: the extended model is worse there than the calibrated one; "
                 "its law was fitted on this run and may not hold beyond the strokes and speeds of it"
             )
-        before, left = (pooled_nrmse(e, s0, judged) for e in (e0, e1))
         inside = None
         if len(known) < len(judged):
             # too few to judge a law by: the blocks of the run itself that fitted nothing
-            inside = own
+            inside = (baseline, after, floor)
             if enough_in_range(known, judged):
-                there = [pooled_nrmse(e, s0, known) for e in (e0, e1)]
-                inside = (there[0], there[1], min(noise_floor(probe.view, s0, known), *there))
+                there = [run.nrmse(e, known) for e in (run.errors, found.errors)]
+                inside = (there[0], there[1], min(run.nrmse(run.noise, known), *there))
         results.append(ValidationGain(
-            name, before, left, _interval(e0, e1, s0, judged, settings),
-            min(noise_floor(probe.view, s0, judged), before, left), inside,
+            run.name, before, left, _interval(run.errors, found.errors, run.signal, judged, settings),
+            min(run.nrmse(run.noise, judged), before, left), inside,
         ))
-        blocks.append(JudgedBlocks(name, judged, e1[judged], s0[judged]))
+        blocks.append(JudgedBlocks(run.name, judged, found.errors[judged], run.signal[judged]))
     if not results:
         results.append(ValidationGain(
             f"{work.data.measured.name} (judge blocks)", baseline, after,
-            _interval(base_squares[0], ext_squares[0], base_squares[1], judge, settings), floor,
+            _interval(base_errors, ext_errors, signal, judge, settings), floor,
         ))
-        blocks.append(JudgedBlocks(work.data.measured.name, judge, ext_squares[0][judge], base_squares[1][judge]))
+        blocks.append(JudgedBlocks(work.data.measured.name, judge, ext_errors[judge], signal[judge]))
     if after > baseline * _AS_GOOD and work.extended.fitted:
         warnings.append("the extended model is worse than the calibrated one on the judge blocks of the run")
     metric = _METRIC + (_WITH_RATES if any(s.kind == "rate" for s in work.plant.outputs) else "")
@@ -249,7 +306,7 @@ def discrepancy(work: Work, base: Prediction, gain: Gain) -> bool:
     """Return whether the calibrated model misses more than one that counts as right, in the run and elsewhere."""
     errors, signal = block_squares(base)
     nrmse = pooled_nrmse(errors, signal, work.splits.train)
-    floor = noise_floor(base.view, signal, work.splits.train)
+    floor = pooled_nrmse(noise_squares(base.view), signal, work.splits.train)
     missed = float(np.sqrt(max(nrmse**2 - floor**2, 0.0)))
     wrong = work.selector.base_excess - 1.0 > FLOOR and missed > MISSED * work.settings.adequacy
     return wrong and shows_elsewhere(gain, work.settings)

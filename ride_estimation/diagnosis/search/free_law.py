@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.calibration.baseline import MeanTable
 from ride_estimation.diagnosis.calibration.regression import Regression
 from ride_estimation.diagnosis.common.effect import Column
+from ride_estimation.diagnosis.common.parallel import in_order, usable_threads
 from ride_estimation.diagnosis.hypotheses.hypothesis import Law, Sign
 from ride_estimation.diagnosis.hypotheses.operators import friction_level, relaxed
 from ride_estimation.diagnosis.hypotheses.port_groups import PortGroup, force_columns, port_groups
@@ -79,21 +80,28 @@ def free_law(view: RunView, table: MeanTable, problem: Regression, explained: fl
         Energy the named causes explain, in residual and tolerances, and what they leave above the noise floor.
     """
     projector = Projector(problem, np.arange(len(problem.grams)))
-    most, best, law = 0.0, None, np.zeros((0, 0, 0))
     places = port_groups(view)
-    for axis in dict.fromkeys(s.axis for s in places):
-        along = [s for s in places if s.axis == axis]
-        ports = sorted({p for s in along for p in s.ports})
+
+    def along(axis: str) -> tuple[float, PortGroup | None, Array]:
+        """Return what the best law along an axis explains, where it is, and its rows."""
+        most, best, law = 0.0, None, np.zeros((0, 0, 0))
+        groups = [s for s in places if s.axis == axis]
+        ports = sorted({p for s in groups for p in s.ports})
         columns = force_columns(view, PortGroup("", axis, tuple(ports)), lambda *motion: _general(view, *motion))
         count = len(columns) // len(ports)
         rows = view.push(columns, single=True)
         normal, right = projector.reduce(rows, mean_rows(table, columns))
-        for group in along:
+        for group in groups:
             used = [count * ports.index(p) + i for p in group.ports for i in range(count)]
             drop = solve_signed(normal[np.ix_(used, used)], right[used], [Sign.ANY] * len(used))[1]
             drop -= 2.0 * problem.temper * len(used)  # what as many columns of mere chance bring (Akaike 1974)
             if drop > most:
                 most, best, law = drop, group, rows[:, :, used]
+        return most, best, law
+
+    axes = list(dict.fromkeys(s.axis for s in places))
+    found = in_order(along, axes, view.settings.threads or usable_threads())
+    most, best, law = max(found, key=lambda f: f[0], default=(0.0, None, np.zeros((0, 0, 0))))
     if best is None or explained <= 0.0:
         return NO_LAW
     # where one block holds most of the energy, folds without it are far off with any law: no more than in its own fit counts

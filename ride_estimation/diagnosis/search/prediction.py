@@ -282,17 +282,11 @@ def block_squares(prediction: Prediction) -> tuple[Array, Array]:
     )
 
 
-def noise_floor(view: RunView, signal: Array, blocks: Sequence[int] | IntArray) -> float:
-    """Return the NRMSE that the measurement alone leaves: body sensors directly, errors of the base motion by the model.
+def noise_squares(view: RunView) -> Array:
+    """Return the sums of squares of every block that the measurement alone leaves in the residual, shape (B,).
 
-    Parameters
-    ----------
-    view
-        The run.
-    signal
-        Measured sums of squares of every block, shape (B,), of :func:`block_squares`.
-    blocks
-        Blocks the NRMSE is pooled over: noise is the same in quiet and in rough ones, the signal is not.
+    Body sensors directly, errors of the base motion by the model; over the same channels as :func:`block_squares`. Noise is the
+    same in quiet blocks and in rough ones.
     """
     used, weights = _pooled_channels(view)
     noise_y = view.data.output_noise[used]
@@ -302,9 +296,7 @@ def noise_floor(view: RunView, signal: Array, blocks: Sequence[int] | IntArray) 
         weight = weight * weights
     # mean square per sample: bins are variances per sample, each stands for two of the padded transform
     power = 2.0 * float(np.sum((through + noise_y**2) * weight)) / view.grid.padded
-    index = np.asarray(blocks, dtype=int)
-    samples = float(view.blocks.weight[index].sum()) * view.grid.rate_hz / view.grid.decimated_rate_hz
-    return float(np.sqrt(power * samples / max(float(signal[index].sum()), 1e-300)))
+    return np.asarray(power * view.blocks.weight.sum(axis=1) * view.grid.rate_hz / view.grid.decimated_rate_hz)
 
 
 def bootstrap_interval(
