@@ -293,8 +293,11 @@ FAULTS: dict[str, tuple[str, Callable[[Channel], Channel], str, int | None]] = {
     "clock runs ahead": ("all", lambda c: jump(c, 1000.0), "clock_ahead", None),
 }  # fmt: skip
 
+#: faults like one of the others
+ALIKE = ("infinity", "duplicates", "starts late", "clock runs ahead")
 
-@pytest.mark.parametrize("name", sorted(FAULTS))
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n in ALIKE else []) for n in sorted(FAULTS)])
 def test_bad_samples_are_counted_by_reason_and_nothing_becomes_nan(name: str, case: Case, tmp_path: Path) -> None:
     which, change, words, count = FAULTS[name]
     sensor = next(iter(case.recording.channels)) if which == "one" else "all"

@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
 from diagnosis_runs import DAMPING, MASS, STIFFNESS, hiding_law, quarter_car, quarter_car_run
 from worlds.adapters import stretch, with_gaps
 
-from ride_estimation.diagnosis.answer.result import EXPLAINED, NO_DISCREPANCY
+from ride_estimation.diagnosis.answer.result import EXPLAINED, NO_DISCREPANCY, Diagnosis
 from ride_estimation.diagnosis.calibration.initial_state import found_motion, initial_motions
 from ride_estimation.diagnosis.calibration.linear_model import calibrate
 from ride_estimation.diagnosis.common.settings import Settings
@@ -172,17 +173,22 @@ def test_a_prediction_from_rest_does_not_look_at_outputs():
     np.testing.assert_allclose(first, second, rtol=0.0, atol=1e-12 * np.abs(first).max())
 
 
-@pytest.mark.parametrize("hidden", ["", "stribeck"])
-@pytest.mark.parametrize("recorded", [lambda r: begun_late(r, 20.0), lambda r: with_gaps(r, (20.0, 21.0), (40.0, 42.0))])
-def test_runs_that_begin_late_or_have_gaps_get_the_answer_of_those_from_rest(hidden, recorded):
-    def law(x: float, v: float) -> float:
-        return force(x, v) if hidden else 0.0
-
+@functools.cache
+def from_rest(hidden: str) -> tuple[list[UniformRun], Diagnosis]:
+    """Return two runs with a hidden law and what the first of them is said to show."""
     runs = []
     for seed in (5, 6):
-        force = hiding_law(hidden, 0.15) if hidden else None
-        runs.append(lightly_damped(seed, law))
-    whole = diagnose(quarter_car(), runs[0], validation=runs[1:])
+        force = hiding_law(hidden, 0.15) if hidden else lambda x, v: 0.0
+        runs.append(lightly_damped(seed, force))
+    return runs, diagnose(quarter_car(), runs[0], validation=runs[1:])
+
+
+@pytest.mark.parametrize("hidden", ["", "stribeck"])
+@pytest.mark.parametrize(
+    "recorded", [lambda r: begun_late(r, 20.0), lambda r: with_gaps(r, (20.0, 21.0), (40.0, 42.0))], ids=["late", "gaps"]
+)
+def test_runs_that_begin_late_or_have_gaps_get_the_answer_of_those_from_rest(hidden, recorded):
+    runs, whole = from_rest(hidden)
     late = diagnose(quarter_car(), recorded(runs[0]), validation=[recorded(runs[1])])
     assert whole.verdict == late.verdict == (EXPLAINED if hidden else NO_DISCREPANCY)
     assert [c.id for c in whole.causes] == [c.id for c in late.causes]
