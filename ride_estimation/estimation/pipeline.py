@@ -36,6 +36,7 @@ from ride_estimation.estimation.forces.mount_forces import MountForceEstimator
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import DeflectionBlock, DeflectionEstimator
+from ride_estimation.estimation.model.load import LoadEvidence, of_delivery
 from ride_estimation.estimation.motion.cg_motion import CgMotionEstimator
 from ride_estimation.estimation.motion.loads import InertialLoads
 from ride_estimation.estimation.motion.motion_block import MotionBlock
@@ -497,6 +498,19 @@ class Pipeline:
             # a sensor that contradicts the others moves the CG too
             p.take_load(there and self._motion.residual_test().passed)
         reference.moved_cg = self._cg_offset() if p.loaded or self._load is not None else None
+        reference.possible_load = self._possible_load() if p.loaded and self._load is None else (0.0, 0.0)
+
+    def _possible_load(self) -> tuple[float, float]:
+        """Return the share of a load that moves the CG to where it is, and its standard deviation, where travel does not decide."""
+        p, offset = self._parameters, self._cg_offset()[0]
+        if not offset[:2].any():
+            return 0.0, 0.0
+        springs = [n for n, s in enumerate(p.free_parameters) if s.role == 0 and s.axis == 2]
+        known = np.hypot(p.std[springs], [p.free_parameters[n].std for n in springs])
+        ratio = self._travel.ratio() if self._travel.decided else (1.0, math.inf)
+        evidence = LoadEvidence.of_accelerations(offset, self.geometry.least_load_share(offset), of_delivery(p.theta[springs], known), ratio)
+        found = evidence.load(leans=False)[0]
+        return found.share, found.std
 
     def _cg_offset(self) -> tuple[Array, Array]:
         """Return the offset of the CG from its place in the file and its standard deviation, shape (3,) each [m].

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.errors import InputDataError
-from ride_estimation.estimation.model.load import Load, LoadEvidence, moved_by_load
+from ride_estimation.estimation.model.load import Load, LoadEvidence, moved_by_load, of_delivery
 from ride_estimation.estimation.model.plant import Plant
 from ride_estimation.estimation.model.readings import travel_place
 from ride_estimation.estimation.model.segments import (
@@ -63,8 +63,8 @@ _FAULT = 4.0
 _SHOWN = 12.0
 #: standard deviations of the CG from which a load is looked for
 _LOOKS = 2.5
-#: least standard deviations that are believed: CG and zero of a transducer [m], ln k
-_LEAST_CG, _LEAST_ZERO, _LEAST_SPREAD = 1e-3, 1e-4, 0.01
+#: least standard deviations that are believed: CG and zero of a transducer [m]
+_LEAST_CG, _LEAST_ZERO = 1e-3, 1e-4
 #: odds that a body is what its file states: one drive in four has a load, or a file with a wrong CG
 _ODDS = 3.0
 #: how often a body leans anew by a load at most, and change of its lean from which it does, over the lean
@@ -263,14 +263,10 @@ class JointEstimate:
         rows = [travel_place(plant, s) for s in plant.transducers]
         travel = np.mean([(s.mean - s.second_mean - model.constant)[plant.travels] for s in self.segments], axis=0)
         zero = np.maximum(slow.std[[slow.sensors[s.name]["bias"].start for s in plant.transducers]], _LEAST_ZERO)
-        change, spread = 0.0, np.inf
-        if vertical:
-            change = float(np.mean((self.theta - slow.mean)[slow.log_stiffness][vertical]))
-            # a delivery of mounts is soft or stiff as a whole: its error is not less in the mean
-            spread = max(float(np.sqrt(np.mean(slow.std[slow.log_stiffness][vertical] ** 2))), _LEAST_SPREAD)
+        stiffness = of_delivery(*((part[slow.log_stiffness][vertical]) for part in (self.theta - slow.mean, slow.std)))
         off = self.cg_offset()
         least = plant.geometry.least_load_share(off)
-        evidence = LoadEvidence(off, least, change, spread, motion, m.cg, plant.centre, m.points[rows], travel, zero)
+        evidence = LoadEvidence(off, least, *stiffness, motion, m.cg, plant.centre, m.points[rows], travel, zero)
         return evidence.load(leans)
 
     def _free_force(self, part: Array) -> bool:

@@ -25,6 +25,8 @@ _LARGEST = 0.5
 _TAKEN_AWAY = 0.1
 #: points of the integral over the mass
 _POINTS = 400
+#: least standard deviation of ln k that is believed
+_LEAST_SPREAD = 0.01
 
 
 def _nothing() -> Array:
@@ -102,6 +104,8 @@ class LoadEvidence:
         From the motion of the body to the travel of the transducers, shape (T, 6).
     travel, travel_std
         Static travel of the transducers and standard deviation of their zero, shape (T,) [m].
+    ratio
+        Mass of the file over the present one as something else tells it, and its standard deviation.
     """
 
     offset: Array
@@ -114,6 +118,17 @@ class LoadEvidence:
     points: Array
     travel: Array
     travel_std: Array
+    ratio: tuple[float, float] = (1.0, np.inf)
+
+    @classmethod
+    def of_accelerations(
+        cls, offset: Array, least_share: float, stiffness: tuple[float, float], ratio: tuple[float, float] = (1.0, np.inf)
+    ) -> LoadEvidence:
+        """Return the evidence where nothing is known of how the body stands; ``stiffness`` as :func:`of_delivery` returns it."""
+        nothing = np.zeros(0)
+        return cls(
+            offset, least_share, *stiffness, np.zeros((6, 2)), np.zeros(3), np.zeros(3), np.zeros((0, 6)), nothing, nothing, ratio
+        )
 
     def load(self, leans: bool) -> tuple[Load, float]:
         """Return the mass and the negative logarithm of the likelihood of what tells it and of the offset of the CG.
@@ -131,6 +146,7 @@ class LoadEvidence:
         share = np.concatenate([[0.0], self.least_share / place, -self.least_share / (1.0 + self.least_share) / place])
         odds = 0.5 * np.repeat([1.0, (1.0 - _TAKEN_AWAY) / _POINTS, _TAKEN_AWAY / _POINTS], [1, _POINTS, _POINTS])
         score = ((self.log_stiffness + np.log1p(share)) / self.stiffness_std) ** 2
+        score += ((self.ratio[0] - 1.0 / (1.0 + share)) / self.ratio[1]) ** 2
         travel = np.zeros((len(self.travel), len(share)))
         if leans:
             odds[0] = 0.0
@@ -149,6 +165,21 @@ class LoadEvidence:
         motion = self.motion @ np.array([mean, 1.0]) / (1.0 + mean)
         sinks = motion[:3] + np.cross(motion[3:], self.centre - self.cg)
         return dataclasses.replace(load, sinks=sinks, leans=motion[3:], centre=self.centre), unlikely
+
+
+def of_delivery(change: Array, std: Array) -> tuple[float, float]:
+    """Return the mean of ln k over the file's of some mounts and its standard deviation, zero and infinity without any.
+
+    A delivery of mounts is soft or stiff as a whole: its error is not less in the mean.
+
+    Parameters
+    ----------
+    change, std
+        Of every mount, and standard deviation of what the file states, shape (M,) each.
+    """
+    if not len(change):
+        return 0.0, np.inf
+    return float(np.mean(change)), max(float(np.sqrt(np.mean(std**2))), _LEAST_SPREAD)
 
 
 def moved_by_load(points: Array, stiffness: Array, offset: Array, weight: float) -> Array:

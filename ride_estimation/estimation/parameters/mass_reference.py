@@ -122,6 +122,9 @@ class MassReference:
         self._load_first = 0.0
         #: where the CG lies off its place in the file and its standard deviation, shape (3,) each [m], None where it does not
         self.moved_cg: tuple[Array, Array] | None = None
+        #: share of the mass of the file that a load which moved the CG there has, where its travel does not tell, and its
+        #: standard deviation
+        self.possible_load = (0.0, 0.0)
 
     @property
     def cells(self) -> tuple[tuple[str, int], ...]:
@@ -209,26 +212,20 @@ class MassReference:
     def load_std(self) -> float:
         """Return the relative standard deviation that an unknown load leaves of the mass.
 
-        A common change of all parameters is a load or mounts that all change alike, a CG that is not where the file has it a load
-        or a wrong file: at even odds the mean square error of either reading is half the square. What static travel shows of a
-        load is known.
+        A common change of all parameters is a load or mounts that all change alike: at even odds the mean square error of either
+        reading is half the square. What static travel shows of a load is known.
         """
         changed = self._together
         if changed and self._load is not None:
             changed += self._load[0] - self._load_first
             changed = changed if abs(changed) > max(_LOAD, _CLEARLY * self._load[1]) else 0.0
-        return math.hypot(math.expm1(-changed), self._off_centre()) / math.sqrt(2.0)
-
-    def _off_centre(self) -> float:
-        """Return the share of a load in the mass that puts the CG where it is: at the edge of the mounts or halfway to it."""
-        if self._load is not None or self.moved_cg is None:
-            return 0.0
-        return self.geometry.likely_load_share(self.moved_cg[0])
+        share, std = self.possible_load
+        return math.hypot(math.expm1(-changed) / math.sqrt(2.0), std / (1.0 + share))
 
     @property
     def load_suspicion(self) -> str:
         """Return why nothing learned is called valid for a load that nobody knows, empty where nothing speaks for one."""
-        if self._off_centre() == 0.0:
+        if self.possible_load[1] == 0.0:
             return ""
         return "the CG is not where the vehicle file has it: a payload, whose mass is not observable, or a wrong CG"
 
@@ -250,9 +247,11 @@ class MassReference:
         if self.moved_cg is None:
             return []
         where = ", ".join(f"{axis} {1e3 * v:+.0f} +- {1e3 * s:.0f} mm" for axis, v, s in zip(AXES, *self.moved_cg))
+        share, std = (100.0 * part for part in self.possible_load)
+        stated = f"; mass and forces are stated for {share:+.0f} +- {std:.0f} % of the mass" if std else ""
         return [
             f"the CG of {body.name} differs from the vehicle file: {where}. Cause: a payload, or a wrong CG in the file; "
-            "its mass is not observable from accelerations: weigh the body, or measure the static travel of the mounts"
+            "its mass is not observable from accelerations: weigh the body, or measure the static travel of the mounts" + stated
         ]
 
     def _words_of_change(self) -> list[str]:
@@ -340,7 +339,7 @@ class MassReference:
         prior = self.geometry.body.mass
         relative = prior.std / prior.value if prior.std else 0.0
         if self.known or not self._found:
-            log, std = self._load or (0.0, 0.0)
+            log, std = self._load or (math.log1p(self.possible_load[0]), 0.0)
             return math.exp(log), math.hypot(relative if prior.std or self.known else 0.1, std, self.load_std)
         weights = np.array([1.0 / s**2 for _, s in self._found.values()])
         logs = np.array([v for v, _ in self._found.values()])

@@ -118,6 +118,8 @@ class ParameterEstimator:
         self.loaded = False
         #: whether that was thought and proved wrong since the last change
         self._refuted = False
+        #: offset of the CG that was beyond what the file lets expect the last time, shape (0,) before
+        self._confirmed = np.zeros(0)
         corner = settings.parameter_corner_hz
         model = (geometry, tilting, self.free_parameters, self._turns, offsets, self._gains.places, corner, by_transducers)
         self._model = ParameterModel(*model)
@@ -240,20 +242,27 @@ class ParameterEstimator:
 
     def cg_offset(self) -> tuple[Array, Array]:
         """Return the offset of the CG from its place in the file and its standard deviation, shape (3,) each [m]."""
-        std = self._cg_std.copy()
+        std, offset, axes = self._cg_std.copy(), self._model.offset_of(self.theta), list(self._model.offsets)
         if self.loaded:
-            std[list(self._model.offsets)] = OFFSET_UNIT * self.std[-len(self._model.offsets) :]
-        return self._model.offset_of(self.theta), std
+            std[axes] = OFFSET_UNIT * self.std[-len(axes) :]
+            if self._filter is None and self._confirmed.size:  # it is estimated anew, and meanwhile where it was seen
+                offset[axes] = OFFSET_UNIT * self._confirmed
+        return offset, std
 
     def offset_of_cg(self) -> Array | None:
         """Return the offset of the CG in the last seconds, (3,) [m], where it is beyond what the file lets expect, else None."""
         own, axes = self._filter, list(self._model.offsets)
         if not axes or own is None or own.memory.length < _ENOUGH or self._refuted:
             return self.cg_offset()[0] if self.loaded else None
-        found, _, beyond = self._shown_offset(own)
+        found, covariance, beyond = self._shown_offset(own)
         size = len(axes)
-        if beyond <= stats.chi2.ppf(_STILL if self.loaded else _CERTAINLY, size):
-            return None
+        if beyond > stats.chi2.ppf(_STILL if self.loaded else _CERTAINLY, size):
+            self._confirmed = found.copy()
+        else:
+            # seconds that show nothing of the CG confirm no load and contradict none
+            moved = found - self._confirmed if self.loaded and self._confirmed.size else np.full(size, np.inf)
+            if not moved @ np.linalg.solve(covariance, moved) <= stats.chi2.ppf(_STILL, size):
+                return None
         offset = np.zeros(3)
         offset[axes] = OFFSET_UNIT * found
         return offset
@@ -620,6 +629,7 @@ class ParameterEstimator:
             "p": None if self._filter is None else self._filter.covariance, "memory": memory,
             "amplitude": self._amplitude.snapshot(), "status": self.status.save(),
             "innovation_ratio": self.innovation_ratio, "changes": self.changes, "loaded": self.loaded,
+            "confirmed": self._confirmed,
             "before_change": self._before_change, "suspect_gains": {str(a): words for a, words in self._gains.suspects.items()},
             "misread": self._gains.force_variance.copy(),
         }  # fmt: skip
@@ -638,6 +648,7 @@ class ParameterEstimator:
             self._installation.load(saved["installation"])
         self.stamp_ns, self.excited_time = int(saved["stamp_ns"]), float(saved["excited_time"])
         self.changes = int(saved["changes"])
+        self._confirmed = np.array(saved["confirmed"], dtype=float)
         before = saved["before_change"]
         self._before_change = None if before is None else (np.array(before[0], dtype=float), np.array(before[1], dtype=float))
         self._gains.suspects = {int(axis): words for axis, words in saved["suspect_gains"].items()}

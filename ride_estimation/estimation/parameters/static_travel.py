@@ -113,7 +113,7 @@ class StaticTravel:
         """Return whether it has been observed for long enough."""
         return self.possible and self._time >= _LEAST_TIME
 
-    def _ratio(self) -> tuple[float, float]:
+    def ratio(self) -> tuple[float, float]:
         """Return the mass of the file over the present one and its standard deviation."""
         weight = float(self._geometry.weight[2])
         zero, rectified = float(np.linalg.norm(self._stiffness)), float(self._damping @ self._rectified)
@@ -122,13 +122,13 @@ class StaticTravel:
 
     def excludes(self, share: float) -> bool:
         """Return whether a load of at least this share of the mass would show."""
-        ratio, std = self._ratio()
+        ratio, std = self.ratio()
         return self.decided and ratio - _EXCLUDED * std > 1.0 - share
 
     def found(self) -> Load | None:
         """Return the load, None while the means agree with the file."""
         a, (_, roll, pitch) = self._geometry, self._vertical @ self._mean
-        ratio, std = self._ratio()
+        ratio, std = self.ratio()
         least = max(_CLEAR * std, _WORTH) * (_STAYS if self._loaded else 1.0)
         self._loaded = least < abs(ratio - 1.0) and _POSSIBLE < ratio < 1.0 / _POSSIBLE
         if not self._loaded:
