@@ -111,8 +111,9 @@ def smoothed_forces(
     if model.refused:
         std = np.hypot(std, model.load_share * np.abs(force))
         return SmoothedForces(force, std, deflection, 0.0, not_modelled=model.refused, load=model.load)
-    # a force beside a law, a load and a faulty sensor explain why laws are not valid
-    reason = "" if model.findings or model.load or model.faults else _not_linear(parameters)
+    # a force beside a law, a load and a sensor that is faulty or left out explain why laws are not valid
+    left_out = any(segment.bridged for _, segment in model.segments)
+    reason = "" if model.findings or model.load or model.faults or left_out else _not_linear(parameters)
     trusted = _faded(anomalies.ordinary(model), signals["stamp_ns"])
     share = model.fade_in(signals["stamp_ns"], trusted, force, std, deflection, 2 if reason else 3)
     if not all(np.isfinite(values).all() for values in (force, std, deflection)):
