@@ -501,15 +501,15 @@ class Pipeline:
         reference.possible_load = self._possible_load() if p.loaded and self._load is None else (0.0, 0.0)
 
     def _possible_load(self) -> tuple[float, float]:
-        """Return the share of a load that moves the CG to where it is, and its standard deviation, where travel does not decide."""
-        p, offset = self._parameters, self._cg_offset()[0]
+        """Return share and standard deviation of a load that moves the CG to where it is, where travel does not decide."""
+        p, offset = self._parameters, self._parameters.seen_offset
         if not offset[:2].any():
             return 0.0, 0.0
         springs = [n for n, s in enumerate(p.free_parameters) if s.role == 0 and s.axis == 2]
         known = np.hypot(p.std[springs], [p.free_parameters[n].std for n in springs])
         ratio = self._travel.ratio() if self._travel.decided else (1.0, math.inf)
-        evidence = LoadEvidence.of_accelerations(offset, self.geometry.least_load_share(offset), of_delivery(p.theta[springs], known), ratio)
-        found = evidence.load(leans=False)[0]
+        least, stiffness = self.geometry.least_load_share(offset), of_delivery(p.theta[springs], known)
+        found = LoadEvidence.of_accelerations(offset, least, stiffness, ratio).load(leans=False)[0]
         return found.share, found.std
 
     def _cg_offset(self) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ import dataclasses
 import functools
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.forces.mount_forces import share_by_stiffness
 from ride_estimation.estimation.parameters.static_travel import StaticTravel
+from ride_estimation.estimation.pipeline import Pipeline
 from ride_estimation.io.vehicle_file import load_vehicle
 from ride_estimation.vehicles.vehicle import Vehicle
 
@@ -132,6 +134,8 @@ def check_suspect(seed: int, travel: bool, std: float) -> None:
     cab, (out, found, said) = measured(seed, travel).run.vehicle, estimated(seed, travel, std)
     mass = found["cab.mass"]
     assert mass.status is Status.SUSPECT and abs(mass.value - cab.mass) < 2.5 * mass.std < 0.4 * cab.mass
+    # what springs and place let expect of the load is in the mass
+    assert abs(mass.value - cab.mass) < 0.8 * SHARE * cab.mass
     assert np.all(np.abs(valid_scores(seed, travel, std)) <= 2.5)
     coverage = scored_forces(out, measured(seed, travel), SETTLED).coverage[:, 2]
     assert np.median(coverage) >= 0.88 and coverage.min() > 0.7
@@ -152,6 +156,29 @@ def test_a_file_that_is_right_has_no_load(seed, travel):
     _, snapshots, _, pipeline = run_pipeline(data, believed_vehicle(data, Belief(cg_std=0.0075), seed))
     assert not [m for m in pipeline.health().messages if "load" in m]
     assert snapshots[-1][1][0].status is Status.VALID
+
+
+def test_seconds_that_show_little_of_the_cg_contradict_no_load(monkeypatch) -> None:
+    estimator = Pipeline(load_vehicle("truck_cab"))._parameters
+
+    def seen(offset: float, std: float) -> np.ndarray | None:
+        """Where the CG is said to be when the last seconds show it there along y, to a standard deviation."""
+        found, covariance = np.array([0.0, offset, 0.0]), std**2 * np.eye(3)
+        monkeypatch.setattr(estimator, "_shown_offset", lambda own: (found, covariance, offset**2 / (std**2 + 0.07**2)))
+        estimator._filter = SimpleNamespace(memory=SimpleNamespace(length=50))
+        return estimator.offset_of_cg()
+
+    assert seen(0.3, 0.3) is None
+    where = seen(0.5, 0.02)
+    assert where is not None and where[1] == pytest.approx(0.05)
+    estimator.take_load(True)
+    # it is estimated anew, and meanwhile where it was seen
+    assert estimator._filter is None and estimator.seen_offset[1] == pytest.approx(0.05)
+    for offset, std in ((0.5, 0.03), (0.45, 0.3), (0.2, 0.3), (0.1, 0.5)):
+        assert seen(offset, std) is not None
+    saved = estimator._confirmed.copy()
+    assert seen(0.02, 0.03) is None
+    np.testing.assert_array_equal(estimator._confirmed, saved)
 
 
 # -- static travel by itself ------------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.forces.mount_forces import static_share, static_split
 from ride_estimation.estimation.model.drive_calibration import calibrate_drive
 from ride_estimation.estimation.model.joint import JointEstimate
-from ride_estimation.estimation.model.load import Load, LoadEvidence
+from ride_estimation.estimation.model.load import Load, LoadEvidence, of_delivery
 from ride_estimation.estimation.model.plant import Plant
 from ride_estimation.estimation.model.run_forces import RunForces, run_forces
 from ride_estimation.estimation.model.run_readings import run_readings
@@ -216,3 +216,23 @@ def test_products_of_inertia_that_the_file_lacks_are_found() -> None:
     error = joint.theta[products] - np.array([0.05, -0.04, 0.03])
     std = np.sqrt(np.diag(joint.covariance)[products])
     assert np.all(np.abs(error) < 3.0 * std) and np.all(std < 0.5 * joint.stated.std[products])
+
+
+def test_springs_softer_than_the_file_and_travel_tell_a_load_from_a_wrong_cg() -> None:
+    offset, least = np.array([0.04, -0.05, 0.0]), 0.1
+    # a load of 15 %: springs seem that much softer for the mass of the file
+    soft, stiff = ((float(np.log(1.0 / 1.15)) * part, 0.1) for part in (1.0, 0.0))
+    loaded, wrong = (LoadEvidence.of_accelerations(offset, least, s).load(leans=False)[0] for s in (soft, stiff))
+    assert abs(loaded.share - 0.15) < loaded.std < 0.1 and loaded.presence > 0.6
+    assert wrong.share < 0.6 * loaded.share and abs(wrong.share) < 2.0 * wrong.std and wrong.presence < 0.5
+    # what static travel says counts by how well it is known
+    told = LoadEvidence.of_accelerations(offset, least, stiff, (1.0 / 1.15, 0.01)).load(leans=False)[0]
+    assert told.share == pytest.approx(0.15, abs=0.02) and told.std < 0.02
+    hardly = LoadEvidence.of_accelerations(offset, least, stiff, (1.0 / 1.15, 10.0)).load(leans=False)[0]
+    assert hardly.share == pytest.approx(wrong.share, abs=1e-3)
+
+
+def test_a_delivery_of_springs_is_soft_as_a_whole() -> None:
+    assert of_delivery(np.array([-0.1, -0.2]), np.array([0.1, 0.2])) == pytest.approx((-0.15, np.sqrt(0.025)))
+    assert of_delivery(np.array([-0.1]), np.array([0.0]))[1] > 0.0
+    assert of_delivery(np.zeros(0), np.zeros(0)) == (0.0, np.inf)

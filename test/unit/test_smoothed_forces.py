@@ -14,10 +14,12 @@ from worlds.roads import Road, base_motion
 
 from ride_estimation.api.replaying import all_warnings
 from ride_estimation.estimation import offline
+from ride_estimation.estimation.common.estimate import Status
 from ride_estimation.estimation.common.geometry import geometry_of
 from ride_estimation.estimation.model.run_forces import RunForces
 from ride_estimation.estimation.model.run_readings import without_readings
-from ride_estimation.estimation.model.smoothed_forces import Anomalies, SmoothedForces, _faded
+from ride_estimation.estimation.model.smoothed_forces import Anomalies, SmoothedForces, _faded, smoothed_forces
+from ride_estimation.estimation.model.smoother import SmoothedSegment
 from ride_estimation.estimation.offline import OfflineRun, run_offline
 from ride_estimation.estimation.output import left_out_of
 from ride_estimation.estimation.pipeline import Pipeline
@@ -177,6 +179,24 @@ def test_the_model_goes_on_without_a_sensor_that_goes_wrong(place: str) -> None:
     good = (row >= 2 * RATE) & (row < len(data.time))
     error_ = run.force[good] - data.truth["mount_force"][row[good]]
     assert np.mean(np.abs(error_) <= 2.0 * run.force_std[good]) > 0.9
+
+
+def test_laws_that_are_not_known_live_beside_a_sensor_that_is_left_out_say_nothing_of_the_model(monkeypatch) -> None:
+    """A base sensor that errs has the live estimate forget its laws; live forces were up to nine times the true ones."""
+    run = shared_run()
+    asked = []
+
+    def fade_in(self: RunForces, *arguments) -> float:
+        asked.append(arguments[-1])
+        return 1.0
+
+    monkeypatch.setattr(RunForces, "fade_in", fade_in)
+    unknown = dataclasses.replace(run.parameters[1], name="front_left.z.stiffness", status=Status.STARTING)
+    anomalies = Anomalies(*np.zeros((2, len(run.stamp_ns)), dtype=bool))
+    for bridged, axes in ((False, 2), (True, 3)):
+        model = RunForces(((0, SmoothedSegment(*np.zeros((3, 2, 4, 3)), 1.0, bridged)),), 0.01)
+        found = smoothed_forces({**run.signals, "stamp_ns": run.stamp_ns}, anomalies, model, [unknown], {})
+        assert isinstance(found, SmoothedForces) and asked[-1] == axes and bool(found.not_modelled) is not bridged
 
 
 def test_times_in_which_a_sensor_was_not_used_are_joined() -> None:

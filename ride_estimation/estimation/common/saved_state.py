@@ -69,8 +69,8 @@ _NAME = "ride_estimation/estimator_state/"
 #: 5: lasting faults of base sensors and gyros, 6: accelerations that last, errors of base sensors,
 #: 7: parameters of the beginning, 8: lean of the base sensors, 9: which axes of a sensor ever varied,
 #: 10: loads by static travel and by the place of the CG, 11: parameters before a sudden change,
-#: 12: moments of the tilt of brackets in a steeper band, 13: gains of base sensors, 14: names of keys, 15: delays that were found,
-#: 16: where a load moved the CG
+#: 12: moments of the tilt of brackets in a steeper band, 13: gains of base sensors, 14: names of keys,
+#: 15: delays that were found, 16: where a load moved the CG
 STATE_SCHEMA = f"{_NAME}16"
 
 

@@ -122,7 +122,7 @@ class MassReference:
         self._load_first = 0.0
         #: where the CG lies off its place in the file and its standard deviation, shape (3,) each [m], None where it does not
         self.moved_cg: tuple[Array, Array] | None = None
-        #: share of the mass of the file that a load which moved the CG there has, where its travel does not tell, and its
+        #: share of the mass of the file that a load which moved the CG there has, where static travel does not decide, and its
         #: standard deviation
         self.possible_load = (0.0, 0.0)
 
