@@ -51,6 +51,7 @@ from ride_estimation.diagnosis.answer.verdict import (
 from ride_estimation.diagnosis.answer.wiring import FoundMistake, found_mistakes, named_mistakes, put_right, without_mistakes
 from ride_estimation.diagnosis.calibration.gyros import unused_rates, wrong_gyros
 from ride_estimation.diagnosis.calibration.in_line import loss_without
+from ride_estimation.diagnosis.calibration.initial_state import LEADING
 from ride_estimation.diagnosis.calibration.installation import installation_remarks
 from ride_estimation.diagnosis.calibration.linear_model import calibrate, file_parameters, with_held_faults
 from ride_estimation.diagnosis.causes import library
@@ -225,7 +226,8 @@ def _answered(
     judged = {v.run for v in found.gain.validation} - {worst}
     other = next((v for v in validation if v.name not in judged), None)
     if other is None:
-        return _unexplained(draft.finished())
+        again = _dealt_anew(draft, vehicle, run, validation, settings, causes)
+        return again or _unexplained(draft.finished())
     rest = [run, *(v for v in validation if v is not other)]
     second = _diagnosed(vehicle, other, rest, settings, lambda share: None, causes)
     title_of = run_title(other.name)
@@ -244,6 +246,32 @@ def _answered(
     return dataclasses.replace(answer, sentence=f"{words} {answer.sentence}", warnings=(*answer.warnings, warning))
 
 
+def _dealt_anew(
+    draft: _Draft, vehicle: Vehicle, run: UniformRun, validation: Sequence[UniformRun], settings: Settings,
+    causes: Collection[str] | None,
+) -> Diagnosis | None:
+    """Return the answer with blocks dealt by what the calibrated model misses in them, None unless that explains the run.
+
+    What a run shows in a few blocks only (a stop that is rarely hit) may be in blocks that judge and in no others.
+    """
+    if draft.work is None:
+        return None
+    calibrated, splits = draft.work.calibrated, draft.work.splits
+    view, regression = calibrated.view, calibrated.regression
+    missed = regression.block_misfit(regression.grams, calibrated.fit.coefficients) / view.block_dof
+    # the first blocks of a stretch tell its initial state
+    leading = {b + n for b in view.blocks.begins for n in range(LEADING)}
+    dealt = make_splits(len(missed), leading, np.argsort(-missed, kind="stable").tolist())
+    if np.array_equal(dealt.judge, splits.judge):
+        return None
+    found = _diagnosed(vehicle, run, validation, settings, lambda share: None, causes, dealt)
+    if found.answer.verdict != EXPLAINED:
+        return None
+    answer = found.finished()
+    warning = "the blocks that the calibrated model misses most were all among those that judge: they were dealt anew"
+    return dataclasses.replace(answer, warnings=(*answer.warnings, warning))
+
+
 def _unexplained(answer: Diagnosis) -> Diagnosis:
     """Return an answer without causes whose model misses something where nothing was fitted."""
     if answer.verdict != NO_DISCREPANCY:
@@ -253,11 +281,12 @@ def _unexplained(answer: Diagnosis) -> Diagnosis:
 
 def _diagnosed(
     vehicle: Vehicle, run: UniformRun, validation: Sequence[UniformRun], settings: Settings, report: Report,
-    causes: Collection[str] | None,
+    causes: Collection[str] | None, dealt: Splits | None = None,
 ) -> _Draft:
-    """Return the diagnosis of one run, the others only judging."""
+    """Return the diagnosis of one run, the others only judging; ``dealt`` are its blocks where not by their place."""
     try:
         data, splits = _prepare(vehicle, run, settings)
+        splits = dealt or splits
         calibrated = with_held_faults(calibrate(data, splits.train))
         _check_excitation(calibrated.view, settings)
     except InputDataError as error:

@@ -187,6 +187,19 @@ def test_splits_are_disjoint_and_cover_every_part_of_the_run():
     assert np.max(np.diff(splits.judge)) == 4
 
 
+def test_blocks_dealt_in_an_order_are_spread_over_the_parts_by_it_and_a_copy_keeps_them():
+    order = [20, 3, 7, 11, 0, *(b for b in range(24) if b not in (20, 3, 7, 11, 0))]
+    splits = make_splits(24, [0, 11], order)
+    parts = {b: name for name in ("fit", "select", "judge") for b in getattr(splits, name).tolist()}
+    # the fourth may not judge, the fifth neither: the sixth does
+    assert [parts[b] for b in order[:6]] == ["fit", "select", "fit", "fit", "fit", "judge"]
+    assert sorted(parts) == list(range(24))
+    for count in (22, 24, 25):
+        copy = splits.of_copy(count)
+        again = {b: name for name in ("fit", "select", "judge") for b in getattr(copy, name).tolist()}
+        assert again == {b: parts.get(b, "fit") for b in range(count)}
+
+
 def test_temper_of_a_right_model_is_one():
     assert temper_of(0.97, 30.0) == 1.0
     assert temper_of(1.1, 30.0) == pytest.approx(4.0)

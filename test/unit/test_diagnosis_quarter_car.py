@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from ride_estimation.diagnosis.answer.result import Stability
 from ride_estimation.diagnosis.common.extension import parts_of
 from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
+from ride_estimation.signals.recording import UniformRun
 
 #: cause, form and size of a law that leaves 2 to 5 % to the linear model
 LAWS = [
@@ -190,14 +192,30 @@ def test_a_load_is_taken_on_over_a_while():
     assert abs(told.value - 60.0) < 2.0 * told.std
 
 
-def test_what_a_model_misses_on_blocks_that_were_not_fitted_is_no_agreement():
-    """A stop that only blocks hit which judge cannot be fitted, and is no reason to call the model right."""
+def rarely_hit(blocks: Sequence[int]) -> UniformRun:
+    """Return a run that hits a stop in a few blocks."""
     def stop(x: float, v: float) -> float:
         return -2e6 * max(-x - 0.007, 0.0) ** 1.4
 
+    settings = Settings()
+    base = rough_patches(5, [settings.trim_s + settings.block_s * (b + 0.5) for b in blocks], settings.block_s)
+    return ridden("patches", base, np.random.default_rng(5), law=stop)
+
+
+@pytest.mark.parametrize("blocks", [(3, 7, 11), (2, 6, 10)], ids=["blocks that judge", "blocks that fit"])
+def test_a_stop_that_few_blocks_hit_is_named_wherever_they_lie(blocks):
+    answer = diagnose(quarter_car(), rarely_hit(blocks), settings=Settings(stability=False))
+    (cause,) = answer.causes
+    assert (answer.verdict, cause.id) == ("explained", "bump_stop") and cause.confidence > 0.9
+    gap = next(p for p in cause.parameters if p.name == "gap")
+    assert abs(gap.value - 7e-3) < 2.0 * gap.std < 2e-3
+    assert any("dealt anew" in w for w in answer.warnings) is (blocks[0] == 3)
+
+
+def test_what_a_model_misses_on_blocks_that_were_not_fitted_is_no_agreement():
+    """A stop that only blocks hit which judge, and that the causes in question cannot explain, is no reason to call it right."""
     settings = Settings(stability=False)
-    base = rough_patches(5, [settings.trim_s + settings.block_s * (b + 0.5) for b in (3, 7, 11)], settings.block_s)
-    answer = diagnose(quarter_car(), ridden("patches", base, np.random.default_rng(5), law=stop), settings=settings)
+    answer = diagnose(quarter_car(), rarely_hit((3, 7, 11)), settings=settings, causes=("sensor_delay",))
     judged = answer.gain.validation[0]
     assert not answer.causes
     assert judged.baseline > 2.5 * judged.noise_floor

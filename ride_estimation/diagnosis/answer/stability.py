@@ -18,7 +18,7 @@ from ride_estimation.diagnosis.answer.gain import refusal
 from ride_estimation.diagnosis.answer.result import EXPLAINED, NO_DISCREPANCY, PerturbedCopy, Stability
 from ride_estimation.diagnosis.calibration.linear_model import Calibrated, calibrated_at
 from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.common.splits import LEAST_BLOCKS, Splits, make_splits
+from ride_estimation.diagnosis.common.splits import LEAST_BLOCKS, Splits
 from ride_estimation.diagnosis.common.wording import title
 from ride_estimation.diagnosis.hypotheses.hypothesis import Fitted, Hypothesis
 from ride_estimation.diagnosis.model.measurement import Measurement
@@ -124,7 +124,7 @@ def _on_copy(work: Work, verdict: str, perturbed_run: PerturbedRun) -> Perturbed
     view = RunView(RunData(perturbed_run.plant, perturbed_run.data, settings), work.calibrated.view.state)
     if view.blocks.count < LEAST_BLOCKS:
         return PerturbedCopy(words, None, f"fewer than {LEAST_BLOCKS} blocks remain")
-    splits = make_splits(view.blocks.count, view.blocks.begins)
+    splits = work.splits.of_copy(view.blocks.count)
     calibrated = calibrated_at(view, splits.train)
     selector = Selector(calibrated, splits, lambda _: [], settings)
     copy = _Copy(work, calibrated, splits, selector, perturbed_run.lacks)

@@ -17,7 +17,7 @@ from ride_estimation.diagnosis.runs.run_view import RunView
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-_LEADING = 2  # blocks of a stretch that the initial state of a prediction is found in; none that judge a run that is fitted
+LEADING = 2  # blocks of a stretch that the initial state of a prediction is found in; none that judge a run that is fitted
 
 
 def initial_motions(view: RunView) -> tuple[list[tuple[str, str]], Array, ComplexArray]:
@@ -71,7 +71,7 @@ def found_motion(view: RunView, residual: ComplexArray) -> ComplexArray:
     _, std, spectra = initial_motions(view)
     count, begins = view.blocks.count, np.array(view.blocks.begins, dtype=int)
     number = np.arange(count)
-    leading = number - begins[np.searchsorted(begins, number, side="right") - 1] < _LEADING
+    leading = number - begins[np.searchsorted(begins, number, side="right") - 1] < LEADING
     leading[make_splits(count, view.blocks.begins).judge] = False
     if not len(std) or np.all(leading):
         return np.zeros_like(residual)
