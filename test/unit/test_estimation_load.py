@@ -181,6 +181,19 @@ def test_seconds_that_show_little_of_the_cg_contradict_no_load(monkeypatch) -> N
     np.testing.assert_array_equal(estimator._confirmed, saved)
 
 
+def test_a_state_with_a_possible_load_goes_on_with_its_mass():
+    pipeline = Pipeline(load_vehicle("truck_cab"))
+    pipeline._mass_reference.possible_load = (0.04, 0.02)
+    pipeline._apply()
+    mass = pipeline.parameters()[0]
+    file = pipeline.geometry.body.mass.value
+    # 2 % is less than a mass that is declared as known may be off, and it is that of a load
+    assert mass.value == pytest.approx(1.04 * file) and mass.std > 0.019 * file
+    again = Pipeline(load_vehicle("truck_cab"))
+    again.load_state(pipeline.save_state())
+    assert again.parameters()[0] == mass
+
+
 # -- static travel by itself ------------------------------------------------------------------------------------------------
 
 

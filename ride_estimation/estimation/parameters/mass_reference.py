@@ -349,7 +349,7 @@ class MassReference:
 
     def status(self) -> tuple[Status, str]:
         """Return status and reason of the mass."""
-        if self.known and self.load_std > _KNOWN:
+        if self.known and (self.load_std > _KNOWN or self.possible_load[1] > 0.0):
             return Status.SUSPECT, self.load_suspicion or "all stiffness and damping values changed together as with a load"
         if self.known:
             return Status.VALID, f"declared as known in the vehicle file{', with a load by static travel' if self._load else ''}"
@@ -414,6 +414,7 @@ class MassReference:
             "slopes_from": self._slopes_from,
             "load": None if self._load is None else list(self._load),
             "load_first": self._load_first,
+            "possible_load": list(self.possible_load),
         }
 
     def load(self, saved: dict[str, Any]) -> None:
@@ -432,5 +433,7 @@ class MassReference:
         load = saved["load"]
         self._load = None if load is None else (float(load[0]), float(load[1]))
         self._load_first = float(saved["load_first"])
+        share, std = saved["possible_load"]
+        self.possible_load = (float(share), float(std))
         bare = saved.get("bare")
         self._bare = None if bare is None else (float(bare[0]), float(bare[1]))
