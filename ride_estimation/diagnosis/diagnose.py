@@ -226,8 +226,14 @@ def _answered(
     judged = {v.run for v in found.gain.validation} - {worst}
     other = next((v for v in validation if v.name not in judged), None)
     if other is None:
-        again = _dealt_anew(draft, vehicle, run, validation, settings, causes)
-        return again or _unexplained(draft.finished())
+        dealt = None if draft.work is None else _dealt_anew(draft.work)
+        second = draft if dealt is None else _diagnosed(vehicle, run, validation, settings, lambda share: None, causes, dealt)
+        if second.answer.verdict != EXPLAINED:
+            return _unexplained(draft.finished())
+        del draft  # its trajectories take what the copies need
+        answer = second.finished()
+        warning = "what the calibrated model misses most was in blocks that judge and in few others: they were dealt anew"
+        return dataclasses.replace(answer, warnings=(*answer.warnings, warning))
     rest = [run, *(v for v in validation if v is not other)]
     second = _diagnosed(vehicle, other, rest, settings, lambda share: None, causes)
     title_of = run_title(other.name)
@@ -246,30 +252,16 @@ def _answered(
     return dataclasses.replace(answer, sentence=f"{words} {answer.sentence}", warnings=(*answer.warnings, warning))
 
 
-def _dealt_anew(
-    draft: _Draft, vehicle: Vehicle, run: UniformRun, validation: Sequence[UniformRun], settings: Settings,
-    causes: Collection[str] | None,
-) -> Diagnosis | None:
-    """Return the answer with blocks dealt by what the calibrated model misses in them, None unless that explains the run.
+def _dealt_anew(work: Work) -> Splits:
+    """Return the blocks of a run dealt by what the calibrated model misses in them.
 
     What a run shows in a few blocks only (a stop that is rarely hit) may be in blocks that judge and in no others.
     """
-    if draft.work is None:
-        return None
-    calibrated, splits = draft.work.calibrated, draft.work.splits
-    view, regression = calibrated.view, calibrated.regression
-    missed = regression.block_misfit(regression.grams, calibrated.fit.coefficients) / view.block_dof
+    view, regression = work.calibrated.view, work.calibrated.regression
+    missed = regression.block_misfit(regression.grams, work.calibrated.fit.coefficients) / view.block_dof
     # the first blocks of a stretch tell its initial state
     leading = {b + n for b in view.blocks.begins for n in range(LEADING)}
-    dealt = make_splits(len(missed), leading, np.argsort(-missed, kind="stable").tolist())
-    if np.array_equal(dealt.judge, splits.judge):
-        return None
-    found = _diagnosed(vehicle, run, validation, settings, lambda share: None, causes, dealt)
-    if found.answer.verdict != EXPLAINED:
-        return None
-    answer = found.finished()
-    warning = "the blocks that the calibrated model misses most were all among those that judge: they were dealt anew"
-    return dataclasses.replace(answer, warnings=(*answer.warnings, warning))
+    return make_splits(len(missed), leading, np.argsort(-missed, kind="stable").tolist())
 
 
 def _unexplained(answer: Diagnosis) -> Diagnosis:
