@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Spectral lines of a residual and the phase of a line that wanders."""
+"""Spectral lines of a residual over time and over the distance driven, and the phase of a line that wanders."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import medfilt
+from scipy.stats import chi2
 
 from ride_estimation.diagnosis.runs.run_view import RunView
 
@@ -15,6 +16,10 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _PARTS = 8  # of a run, whose frequencies are compared
+_STEADY = 0.02  # relative standard deviation of a speed up to which orders are lines
+_SLOWEST = 0.3  # share of the mean speed below which distance goes on as at that share: standing still makes no cycles
+_CHANCE = 1e-4  # probability that noise has a line over the distance
+_AROUND = 20  # trials on either side of a peak of the order spectrum, over one line of it
 _PEAK_OVER_MEDIAN = 12.0  # chi-square of 24 degrees of freedom exceeds 12 x its median with probability below 1e-40
 
 
@@ -92,3 +97,63 @@ def mean_frequency(phase: Array, view: RunView) -> tuple[float, float]:
     cycles, seconds = phase[edges] / (2.0 * np.pi), view.data.time_s[edges]
     scatter = float(np.std(np.diff(cycles) / np.diff(seconds), ddof=1)) / _PARTS**0.5
     return float((cycles[-1] - cycles[0]) / (seconds[-1] - seconds[0])), scatter
+
+
+@dataclasses.dataclass(frozen=True)
+class Order:
+    """A line of the whitened residual over the distance driven: something that turns with the wheels or the drive.
+
+    Attributes
+    ----------
+    cycles_per_m, std
+        How often it turns, and the standard deviation of that [1/m].
+    phase
+        Through the run [rad], shape (N,).
+    """
+
+    cycles_per_m: float
+    std: float
+    phase: Array
+
+
+def residual_orders(view: RunView, count: int = 2) -> list[Order]:
+    """Return the strongest orders of a view's residual, strongest first; none where the speed is not measured or hardly changes.
+
+    Order analysis: the residual at equal steps of the distance, ``r(s) / v``, has a line where ``r(t)`` sweeps with the speed.
+    """
+    speed, grid = view.data.measured.speed, view.grid
+    if speed is None or not np.any(np.isfinite(speed)):
+        return []
+    inside = np.flatnonzero(view.data.analysed_samples)
+    mean = float(np.mean(speed[inside]))
+    if mean <= 0.0 or float(np.std(speed[inside])) < _STEADY * mean:
+        return []
+    moving = np.maximum(speed, _SLOWEST * mean)
+    distance = np.cumsum(moving) / grid.rate_hz
+    residual = grid.signal(white_spectrum(view))
+    step = float(moving[inside].min()) / (2.5 * grid.upper_hz)
+    place = np.arange(distance[inside[0]], distance[inside[-1]], step)
+    slowness = 1.0 / np.interp(place, distance, moving)
+    rows = np.stack([np.interp(place, distance, channel) * slowness for channel in residual.T], axis=1)
+    power = np.sum(np.abs(np.fft.rfft(rows, axis=0)) ** 2, axis=1)
+    cycles = np.fft.rfftfreq(len(place), step)
+    line = cycles[1]
+    # an order that the band holds at the mean speed
+    allowed = (cycles * mean > view.settings.band_hz[0]) & (cycles * mean < grid.upper_hz)
+    width = max(round(2.0 / mean / line), 10) | 1
+    floor = np.maximum(medfilt(power, width), 0.3 * float(np.median(power[allowed])) + 1e-300)
+    ratio = np.where(allowed, power / floor, 0.0)
+    # of few channels noise alone has peaks
+    freedom = 2 * rows.shape[1]
+    chance = chi2.isf(_CHANCE / len(cycles), freedom) / chi2.median(freedom)
+    out: list[Order] = []
+    for _ in range(count):
+        peak = int(np.argmax(ratio))
+        if ratio[peak] < max(_PEAK_OVER_MEDIAN, chance):
+            break
+        near = cycles[peak] + line * np.arange(-_AROUND, _AROUND + 1) / _AROUND
+        found = np.abs(np.exp(-2j * np.pi * np.outer(near, place)) @ rows) ** 2
+        best = float(near[int(np.argmax(found.sum(axis=1)))])
+        out.append(Order(best, line / _AROUND, 2.0 * np.pi * best * distance))
+        ratio[max(peak - _AROUND, 0) : peak + _AROUND] = 0.0
+    return out

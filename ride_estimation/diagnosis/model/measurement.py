@@ -29,6 +29,8 @@ class Measurement:
         False inside gaps of any used channel, shape (N,).
     output_limits, input_limits
         Values at which raw readings are cut, lower and upper ones, infinite where none are, shapes (2, ny) and (2, nu).
+    speed
+        Of the vehicle, shape (N,) [m/s], None where it is not measured.
     """
 
     name: str
@@ -38,6 +40,13 @@ class Measurement:
     valid: BoolArray
     output_limits: Array
     input_limits: Array
+    speed: Array | None = None
+
+
+def _between_changes(values: Array) -> Array:
+    """Return a signal whose last value is held, shape (N,), on straight lines between its changes: held, it is late."""
+    changes = np.append(0, np.flatnonzero(np.diff(values)) + 1)
+    return np.asarray(np.interp(np.arange(len(values)), changes, values[changes]))
 
 
 def measurement(plant: Plant, run: UniformRun) -> Measurement:
@@ -73,4 +82,6 @@ def measurement(plant: Plant, run: UniformRun) -> Measurement:
         rows = [free if f is None else f[:, [s.component if f.shape[1] > 1 else 0]] for s, f in zip(signals, found)]
         return np.hstack(rows)
 
-    return Measurement(run.name, run.rate_hz, outputs, inputs, valid, limits(plant.outputs), limits(plant.inputs))
+    speedometer = next((s.name for s in plant.vehicle.sensors.values() if s.kind == "speed" and s.name in run.data), None)
+    speed = _between_changes(column(speedometer, 0)) if speedometer is not None and np.any(run.valid[speedometer]) else None
+    return Measurement(run.name, run.rate_hz, outputs, inputs, valid, limits(plant.outputs), limits(plant.inputs), speed)
