@@ -12,6 +12,7 @@ import pytest
 from diagnosis_runs import GRAVITY, MASS, STIFFNESS, quarter_car, quarter_car_run
 
 from ride_estimation.diagnosis import diagnose as chain
+from ride_estimation.diagnosis.answer import gain as gains
 from ride_estimation.diagnosis.answer.result import (
     EXPLAINED,
     INSUFFICIENT,
@@ -321,3 +322,29 @@ def test_where_nothing_is_left_above_the_noise_a_cause_needs_a_gain_beyond_doubt
     selection = SimpleNamespace(accepted=accepted)
     work = SimpleNamespace(selection=selection, settings=Settings(), data=None, extended=None, selector=selector)
     assert (chain._accepted_or_not(work, None, []).refused == "") is named
+
+
+@pytest.mark.parametrize(("factor", "settled", "words"), [
+    (1.05, True, "the extended model is worse there"), (1.01, True, ""), (0.5, True, ""), (0.5, False, "did not settle"),
+])  # fmt: skip
+def test_a_validation_run_that_the_extended_model_predicts_worse_is_said(monkeypatch, factor, settled, words):
+    every, signal = np.arange(8), np.full(8, 100.0)
+    part = SimpleNamespace(errors=np.ones(8), view=None, told=lambda blocks: blocks)
+    monkeypatch.setattr(gains, "block_squares", lambda prediction: (prediction.errors, signal))
+    monkeypatch.setattr(gains, "noise_squares", lambda view: np.full(8, 0.25))
+    predicted = gains._Predicted(factor**2 * np.ones(8), every, every) if settled else None
+    monkeypatch.setattr(gains, "_predicted", lambda work, run: predicted)
+    work = SimpleNamespace(
+        settings=Settings(), splits=SimpleNamespace(judge=every), extended=SimpleNamespace(fitted=("law",)),
+        data=SimpleNamespace(measured=SimpleNamespace(name="run")), plant=SimpleNamespace(outputs=()), selection=None,
+    )
+    other = SimpleNamespace(measured=SimpleNamespace(name="other"))
+    run = gains.ValidationRun(other, np.ones(8), signal, np.full(8, 0.25))
+    gain, warnings = gains.measured_gain(work, part, part, [run])
+    assert [w for w in warnings if words and words in w] == warnings
+    assert len(warnings) == bool(words)
+    # without a run that counts, the blocks of the run itself judge
+    assert gain.validation[0].run == ("other" if settled else "run (judge blocks)")
+    if settled:
+        judged = gain.validation[0]
+        assert (judged.baseline, judged.extended, judged.noise_floor) == pytest.approx((0.1, 0.1 * factor, 0.05))

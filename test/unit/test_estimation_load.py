@@ -189,6 +189,7 @@ def test_a_state_with_a_possible_load_goes_on_with_its_mass():
     file = pipeline.geometry.body.mass.value
     # 2 % is less than a mass that is declared as known may be off, and it is that of a load
     assert mass.value == pytest.approx(1.04 * file) and mass.std > 0.019 * file
+    assert pipeline._mass_reference.known and mass.status is Status.SUSPECT
     again = Pipeline(load_vehicle("truck_cab"))
     again.load_state(pipeline.save_state())
     assert again.parameters()[0] == mass
