@@ -181,6 +181,16 @@ def test_seconds_that_show_little_of_the_cg_contradict_no_load(monkeypatch) -> N
     np.testing.assert_array_equal(estimator._confirmed, saved)
 
 
+@pytest.mark.parametrize(("free", "there"), [(6, True), (5, False)])
+def test_a_guided_body_needs_more_for_a_load(monkeypatch, free, there):
+    """What it does along the axes that it does not have looks like an offset of the CG, too."""
+    estimator = Pipeline(load_vehicle("truck_cab"))._parameters
+    estimator.geometry = SimpleNamespace(free=np.arange(6) < free)
+    monkeypatch.setattr(estimator, "_shown_offset", lambda own: (np.array([0.0, 0.4, 0.0]), 0.01 * np.eye(3), 20.0))
+    estimator._filter = SimpleNamespace(memory=SimpleNamespace(length=50))
+    assert (estimator.offset_of_cg() is not None) is there
+
+
 def test_a_state_with_a_possible_load_goes_on_with_its_mass():
     pipeline = Pipeline(load_vehicle("truck_cab"))
     pipeline._mass_reference.possible_load = (0.04, 0.02)
