@@ -220,14 +220,14 @@ def _answered(
     draft = _diagnosed(vehicle, run, validation, settings, report, causes)
     found = draft.answer
     worst = "" if found.gain is None or found.verdict == EXPLAINED else unexplained_run(found.gain, settings)
-    if found.gain is None or not worst:
+    if draft.work is None or found.gain is None or not worst:
         return draft.finished()
     # what the blocks of the run that took no part in the fit show, a run that the answer cannot even predict may tell
     judged = {v.run for v in found.gain.validation} - {worst}
     other = next((v for v in validation if v.name not in judged), None)
     if other is None:
-        dealt = None if draft.work is None else _dealt_anew(draft.work)
-        second = draft if dealt is None else _diagnosed(vehicle, run, validation, settings, lambda share: None, causes, dealt)
+        dealt = _dealt_anew(draft.work)
+        second = _diagnosed(vehicle, run, validation, settings, lambda share: None, causes, dealt)
         if second.answer.verdict != EXPLAINED:
             return _unexplained(draft.finished())
         del draft  # its trajectories take what the copies need
@@ -364,7 +364,7 @@ def _conclude(work: Work, validation: Sequence[UniformRun], judge_mounts: bool) 
     settings, view = work.settings, work.calibrated.view
     base = predict(work.data, work.baseline)
     others, unused = usable_runs(work, validation)
-    judged = _accepted_or_not(weighed(work, [run.data for run in others]), base, others)
+    judged = _accepted_or_not(weighed(work, others), base, others)
     work, extended = judged.work.stated(), judged.extended
     accepted = work.selection.accepted
     state = work.extended.stepped_state({(p.mount, p.axis): i for i, p in enumerate(work.plant.ports)})

@@ -339,7 +339,7 @@ def test_a_validation_run_that_the_extended_model_predicts_worse_is_said(monkeyp
         data=SimpleNamespace(measured=SimpleNamespace(name="run")), plant=SimpleNamespace(outputs=()), selection=None,
     )
     other = SimpleNamespace(measured=SimpleNamespace(name="other"))
-    run = gains.ValidationRun(other, np.ones(8), signal, np.full(8, 0.25))
+    run = gains.ValidationRun(other, np.zeros((0, 1)), np.ones(8), signal, np.full(8, 0.25))
     gain, warnings = gains.measured_gain(work, part, part, [run])
     assert [w for w in warnings if words and words in w] == warnings
     assert len(warnings) == bool(words)

@@ -94,12 +94,11 @@ def test_every_cause_is_weighed_once_at_its_place_also_after_another_gave_way(mo
     )
     tried = []
 
-    def compared(data, baseline, fits):
+    def compared(run, fits):
         tried.append([f.fitted for f in fits])
         return [Elsewhere(-5.0 if rival in f.fitted and first in fits[0].fitted else 5.0, 1.0, 10.0) for f in fits[1:]]
 
     monkeypatch.setattr(validation_evidence, "_compared", compared)
-    monkeypatch.setattr(Work, "baseline", None)
     selector = types.SimpleNamespace(fitter=types.SimpleNamespace(fit=lambda start, passes: fit(*start)))
     work = Work(None, None, make_splits(4), selector, Selection(accepted, (), contests), None)
     found = validation_evidence.weighed(work, ["run"]).selection

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.answer.result import Gain, JudgedBlocks, ValidationGain
 from ride_estimation.diagnosis.answer.verdict import MISSED, shows_elsewhere
 from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.common.parallel import in_order, usable_threads
+from ride_estimation.diagnosis.common.parallel import in_order
 from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.common.splits import LEAST_BLOCKS
 from ride_estimation.diagnosis.hypotheses.hypothesis import Law
@@ -33,6 +33,7 @@ from ride_estimation.diagnosis.search.work import Work, within_tolerance
 from ride_estimation.signals.recording import UniformRun
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
 _METRIC = "pooled NRMSE of the sensors of the body within the band (rms error over rms of the measured signal)"
@@ -98,12 +99,15 @@ class ValidationRun:
     ----------
     data
         The run.
+    residual
+        Spectrum of what the calibrated model misses, shape (F, ny).
     errors, signal, noise
-        Sums of squares of every block, shape (B,) each: of the residual of the calibrated model, of the measured signal, of what
-        the measurement alone leaves.
+        Sums of squares of every block, shape (B,) each: of that residual, of the measured signal, of what the measurement alone
+        leaves.
     """
 
     data: RunData
+    residual: ComplexArray
     errors: Array
     signal: Array
     noise: Array
@@ -112,7 +116,7 @@ class ValidationRun:
     def of(cls, data: RunData, calibrated: Model) -> ValidationRun:
         """Return a run as the calibrated model predicts it."""
         plain = predict(data, calibrated)
-        return cls(data, *block_squares(plain), noise_squares(plain.view))
+        return cls(data, data.output_spectrum - plain.spectrum, *block_squares(plain), noise_squares(plain.view))
 
     @property
     def name(self) -> str:
@@ -137,7 +141,7 @@ def usable_runs(work: Work, validation: Sequence[UniformRun]) -> tuple[list[Vali
             warnings.append(f"validation run {other.name}: too short; not used")
             continue
         usable.append(data)
-    runs = in_order(lambda data: ValidationRun.of(data, work.baseline), usable, work.settings.threads or usable_threads())
+    runs = in_order(lambda data: ValidationRun.of(data, work.baseline), usable, work.settings.threads)
     return list(runs), warnings
 
 
@@ -189,7 +193,7 @@ def measured_gain(
     floor = min(pooled_nrmse(noise_squares(base.view), signal, judge), baseline, after)
     results: list[ValidationGain] = []
     blocks: list[JudgedBlocks] = []
-    predictions = in_order(lambda run: _predicted(work, run), validation, settings.threads or usable_threads())
+    predictions = in_order(lambda run: _predicted(work, run), validation, settings.threads)
     for run, found in zip(validation, predictions):
         if found is None:
             warnings.append(

@@ -66,9 +66,7 @@ def perturbed(work: Work) -> Iterator[PerturbedRun]:
     again = dataclasses.replace(data, outputs=noisy[0], inputs=noisy[1])
     yield PerturbedRun(f"{100 * _NOISE:.0f} % more noise", plant, again, _LACKS_NOISE)
     kept = slice(0, round((1.0 - _SHORTER) * len(data.outputs)))
-    speed = None if data.speed is None else data.speed[kept]
-    shorter = dataclasses.replace(data, outputs=data.outputs[kept], inputs=data.inputs[kept], valid=data.valid[kept], speed=speed)
-    yield PerturbedRun(f"{100 * _SHORTER:.0f} % shorter", plant, shorter, _LACKS_TIME)
+    yield PerturbedRun(f"{100 * _SHORTER:.0f} % shorter", plant, data.at(kept), _LACKS_TIME)
     named = {f.hypothesis.location for f in work.selection.accepted.fitted} if work.selection.accepted is not None else set()
     spare = spare_sensor(plant, named)
     if spare:
@@ -84,8 +82,7 @@ def perturbed(work: Work) -> Iterator[PerturbedRun]:
     outputs, inputs = (scipy.signal.resample_poly(x, up, down, axis=0, padtype="line") for x in (data.outputs, data.inputs))
     place = np.minimum(np.round(np.arange(len(outputs)) * down / up).astype(int), len(data.valid) - 1)
     rate = data.rate_hz * up / down
-    speed = None if data.speed is None else data.speed[place]
-    again = dataclasses.replace(data, rate_hz=rate, outputs=outputs, inputs=inputs, valid=data.valid[place], speed=speed)
+    again = dataclasses.replace(data.at(place), rate_hz=rate, outputs=outputs, inputs=inputs)
     yield PerturbedRun(f"time base of {rate:g} Hz", plant, again, _LACKS_BASE)
 
 

@@ -14,17 +14,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ride_estimation.diagnosis.answer.gain import enough_in_range, in_range
+from ride_estimation.diagnosis.answer.gain import ValidationRun, enough_in_range, in_range
 from ride_estimation.diagnosis.answer.verdict import ALIVE, STRONG, rivals_of
 from ride_estimation.diagnosis.runs.noise import temper_of
-from ride_estimation.diagnosis.runs.run_data import RunData
 from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.diagnosis.search.fitting import FullFit
-from ride_estimation.diagnosis.search.prediction import Model, Prediction, predict
+from ride_estimation.diagnosis.search.prediction import predict
 from ride_estimation.diagnosis.search.selection import Candidate, Elsewhere, Selection
 from ride_estimation.diagnosis.search.work import Work, model_of
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 #: rivals of one cause that predict the validation runs: each takes a fit and a prediction of every run
 _RIVALS = 2
@@ -32,7 +32,7 @@ _RIVALS = 2
 _PASSES = 2
 
 
-def weighed(work: Work, runs: Sequence[RunData]) -> Work:
+def weighed(work: Work, runs: Sequence[ValidationRun]) -> Work:
     """Return the work with what validation runs say of rivals that are alive.
 
     Parameters
@@ -52,7 +52,7 @@ def weighed(work: Work, runs: Sequence[RunData]) -> Work:
     return work
 
 
-def _contested(work: Work, accepted: FullFit, place: int, runs: Sequence[RunData]) -> Selection:
+def _contested(work: Work, accepted: FullFit, place: int, runs: Sequence[ValidationRun]) -> Selection:
     """Return the selection with one contest weighed by validation runs, led by whichever is ahead on all of them."""
     selection, contest = work.selection, work.selection.contests[place]
     leader = contest.candidates[0]
@@ -62,7 +62,7 @@ def _contested(work: Work, accepted: FullFit, place: int, runs: Sequence[RunData
         return selection
     before, after = accepted.fitted[:place], accepted.fitted[place + 1 :]
     fits = [work.selector.fitter.fit([*before, c.fit.fitted[c.contested], *after], _PASSES) for c in near]
-    said = [_compared(data, work.baseline, [accepted, *fits]) for data in runs]
+    said = [_compared(run, [accepted, *fits]) for run in runs]
     asked = [dataclasses.replace(c, elsewhere=_sum([one[i] for one in said if one])) for i, c in enumerate(near)]
     candidates = [next((a for a, n in zip(asked, near) if n is c), c) for c in contest.candidates]
     ahead, fit = min(zip(asked, fits), key=lambda pair: pair[0].behind(leader))
@@ -87,17 +87,18 @@ def _seen_from(ahead: Candidate, others: Sequence[Candidate]) -> list[Candidate]
     ]
 
 
-def _compared(data: RunData, baseline: Model, fits: Sequence[FullFit]) -> list[Elsewhere]:
+def _compared(run: ValidationRun, fits: Sequence[FullFit]) -> list[Elsewhere]:
     """Return what a run says of every fit but the first against it, empty where the first does not predict it.
 
     Where laws go beyond the strokes and rates that they were fitted on no run has told how they go on: it says nothing there.
     """
+    data = run.data
     first = predict(data, model_of(fits[0]))
     if not first.settled:
         return []
-    view, best = first.view, _misfit(first, first.view)
+    view, best = first.view, _misfit(data.output_spectrum - first.spectrum, first.view)
     del first
-    plain = _misfit(predict(data, baseline), view)
+    plain = _misfit(run.residual, view)
     out = []
     for fit in fits[1:]:
         other = predict(data, model_of(fit))
@@ -106,7 +107,7 @@ def _compared(data: RunData, baseline: Model, fits: Sequence[FullFit]) -> list[E
             blocks = in_range(one, seen, blocks)
         # of two laws that are both extrapolated, the one that goes on better is the likelier one
         blocks = blocks if enough_in_range(blocks, every) else every
-        misfit = _misfit(other, view)
+        misfit = _misfit(data.output_spectrum - other.spectrum, view)
         per_dof = min(float(m[blocks].sum()) for m in (best, misfit)) / float(view.block_dof[blocks].sum())
         twice = 2.0 * temper_of(per_dof, view.inefficiency)
         gaps = (misfit - best)[blocks] / twice if other.settled else np.zeros(len(blocks))
@@ -115,9 +116,8 @@ def _compared(data: RunData, baseline: Model, fits: Sequence[FullFit]) -> list[E
     return out
 
 
-def _misfit(prediction: Prediction, view: RunView) -> Array:
-    """Return the sum of squares of every block of a prediction, whitened as another view of the run does, shape (B,)."""
-    residual = prediction.view.data.output_spectrum - prediction.spectrum
+def _misfit(residual: ComplexArray, view: RunView) -> Array:
+    """Return the sum of squares of every block of a residual spectrum (F, ny), whitened as a view of the run does, shape (B,)."""
     return np.asarray(np.sum(view.rows(residual[:, :, None])[:, :, 0] ** 2, axis=1))
 
 

@@ -23,7 +23,7 @@ _M_ARENA_MAX = -8
 _MOST = 4  # every thread holds matrices of its own, some hundred megabytes for a run of a minute
 
 
-def usable_threads() -> int:
+def _usable_threads() -> int:
     """Return how many threads make sense: one per core this process may use, four at most."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return min(cores, _MOST)
@@ -50,13 +50,14 @@ def in_order(work: Callable[[Item], Value], items: Sequence[Item], threads: int)
     items
         What to work on.
     threads
-        Number of threads; 1 or less works here.
+        Number of threads, as :attr:`Settings.threads`: 0 is one per usable core, four at most; 1 works here.
 
     Raises
     ------
     Exception
         What the first item in order raised.
     """
+    threads = threads or _usable_threads()
     if threads < 2 or len(items) < 2:
         yield from map(work, items)
         return

@@ -51,8 +51,7 @@ def residual_lines(view: RunView, count: int = 2, least_ratio: float = _PEAK_OVE
     step = view.grid.rate_hz / view.grid.padded
     inside = view.grid.band_weight > 0.5
     width = round(2.0 / step) | 1
-    floor = np.maximum(medfilt(power, width), 0.3 * float(np.median(power[inside])) + 1e-12)
-    ratio = np.where(inside, power / floor, 0.0)
+    ratio = _over_floor(power, inside, width)
     out: list[Line] = []
     for _ in range(count):
         peak = int(np.argmax(ratio))
@@ -67,6 +66,12 @@ def residual_lines(view: RunView, count: int = 2, least_ratio: float = _PEAK_OVE
         out.append(Line(float(view.grid.frequency[peak]), float(min(half, 0.8)), float(ratio[peak])))
         ratio[max(low - reach // 2, 0) : up + reach // 2] = 0.0
     return out
+
+
+def _over_floor(power: Array, inside: NDArray[np.bool_], width: int) -> Array:
+    """Return a spectrum over its median within so many bins, zero where it is not inside, shape (F,)."""
+    floor = np.maximum(medfilt(power, width), 0.3 * float(np.median(power[inside])) + 1e-12)
+    return np.where(inside, power / floor, 0.0)
 
 
 def tracked_phase(view: RunView, line: Line) -> Array:
@@ -122,7 +127,7 @@ def residual_orders(view: RunView, count: int = 2) -> list[Order]:
     Order analysis: the residual at equal steps of the distance, ``r(s) / v``, has a line where ``r(t)`` sweeps with the speed.
     """
     speed, grid = view.data.measured.speed, view.grid
-    if speed is None or not np.any(np.isfinite(speed)):
+    if speed is None:
         return []
     inside = np.flatnonzero(view.data.analysed_samples)
     mean = float(np.mean(speed[inside]))
@@ -141,8 +146,7 @@ def residual_orders(view: RunView, count: int = 2) -> list[Order]:
     # an order that the band holds at the mean speed
     allowed = (cycles * mean > view.settings.band_hz[0]) & (cycles * mean < grid.upper_hz)
     width = max(round(2.0 / mean / line), 10) | 1
-    floor = np.maximum(medfilt(power, width), 0.3 * float(np.median(power[allowed])) + 1e-300)
-    ratio = np.where(allowed, power / floor, 0.0)
+    ratio = _over_floor(power, allowed, width)
     # of few channels noise alone has peaks
     freedom = 2 * rows.shape[1]
     chance = chi2.isf(_CHANCE / len(cycles), freedom) / chi2.median(freedom)

@@ -42,6 +42,12 @@ class Measurement:
     input_limits: Array
     speed: Array | None = None
 
+    def at(self, samples: NDArray[np.int64] | slice) -> Measurement:
+        """Return the run at some of its samples."""
+        speed = None if self.speed is None else self.speed[samples]
+        parts = {name: getattr(self, name)[samples] for name in ("outputs", "inputs", "valid")}
+        return dataclasses.replace(self, **parts, speed=speed)
+
 
 def _between_changes(values: Array) -> Array:
     """Return a signal whose last value is held, shape (N,), on straight lines between its changes: held, it is late."""
@@ -82,6 +88,7 @@ def measurement(plant: Plant, run: UniformRun) -> Measurement:
         rows = [free if f is None else f[:, [s.component if f.shape[1] > 1 else 0]] for s, f in zip(signals, found)]
         return np.hstack(rows)
 
-    speedometer = next((s.name for s in plant.vehicle.sensors.values() if s.kind == "speed" and s.name in run.data), None)
-    speed = _between_changes(column(speedometer, 0)) if speedometer is not None and np.any(run.valid[speedometer]) else None
+    sensors = [s.name for s in plant.vehicle.sensors.values() if s.kind == "speed" and s.name in run.data]
+    heard = [s for s in sensors if np.any(run.valid[s] & np.isfinite(np.ravel(run.data[s])))]
+    speed = _between_changes(column(heard[0], 0)) if heard else None
     return Measurement(run.name, run.rate_hz, outputs, inputs, valid, limits(plant.outputs), limits(plant.inputs), speed)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from ride_estimation.diagnosis.calibration.linear_model import Calibrated, explains
 from ride_estimation.diagnosis.calibration.regression import Regression
-from ride_estimation.diagnosis.common.parallel import in_order, usable_threads
+from ride_estimation.diagnosis.common.parallel import in_order
 from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.common.splits import Splits
 from ride_estimation.diagnosis.hypotheses.hypothesis import Fitted
@@ -46,7 +46,6 @@ class Fits:
         self.settings, self.blocks, self._splits = settings, splits.train, splits
         self.dof = float(calibrated.view.block_dof[self.blocks].sum())
         self.count = 0
-        self._threads = settings.threads or usable_threads()
         self.hold(calibrated)
 
     def hold(self, calibrated: Calibrated) -> None:
@@ -70,7 +69,7 @@ class Fits:
     ) -> Iterator[FullFit]:
         """Yield the full fits of some sets of hypotheses, in their order; each holds the trajectory of its model."""
         self.count += len(sets)
-        yield from in_order(lambda start: self.fitter.fit(start, passes, after), sets, self._threads)
+        yield from in_order(lambda start: self.fitter.fit(start, passes, after), sets, self.settings.threads)
 
     def all(self, sets: Sequence[Sequence[Score | Fitted]], passes: int, after: FullFit | None) -> list[FullFit]:
         """Return the full fits of some sets of hypotheses, in their order."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.calibration.baseline import MeanTable
 from ride_estimation.diagnosis.calibration.regression import Regression
 from ride_estimation.diagnosis.common.effect import Column
-from ride_estimation.diagnosis.common.parallel import in_order, usable_threads
+from ride_estimation.diagnosis.common.parallel import in_order
 from ride_estimation.diagnosis.hypotheses.hypothesis import Law, Sign
 from ride_estimation.diagnosis.hypotheses.operators import friction_level, relaxed
 from ride_estimation.diagnosis.hypotheses.port_groups import PortGroup, force_columns, port_groups
@@ -100,7 +100,7 @@ def free_law(view: RunView, table: MeanTable, problem: Regression, explained: fl
         return most, best, law
 
     axes = list(dict.fromkeys(s.axis for s in places))
-    found = in_order(along, axes, view.settings.threads or usable_threads())
+    found = in_order(along, axes, view.settings.threads)
     most, best, law = max(found, key=lambda f: f[0], default=(0.0, None, np.zeros((0, 0, 0))))
     if best is None or explained <= 0.0:
         return NO_LAW

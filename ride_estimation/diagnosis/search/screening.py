@@ -13,7 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 from ride_estimation.diagnosis.calibration.baseline import MeanTable
 from ride_estimation.diagnosis.calibration.regression import Regression
 from ride_estimation.diagnosis.common.effect import Column, Where
-from ride_estimation.diagnosis.common.parallel import in_order, usable_threads
+from ride_estimation.diagnosis.common.parallel import in_order
 from ride_estimation.diagnosis.hypotheses.hypothesis import Hypothesis, Shapes, Sign
 from ride_estimation.diagnosis.runs.noise import temper_of
 from ride_estimation.diagnosis.runs.run_view import RunView
@@ -195,7 +195,7 @@ def screen(
         return _score_batch(view, table, projector, batch, samples, choices)
 
     best: dict[int, Score] = {}
-    for scores in in_order(score, _batches(jobs), view.settings.threads or usable_threads()):
+    for scores in in_order(score, _batches(jobs), view.settings.threads):
         for s in scores:
             known = best.get(id(s.hypothesis))
             if known is None or s.gain > known.gain:

@@ -263,7 +263,7 @@ class JointEstimate:
         rows = [travel_place(plant, s) for s in plant.transducers]
         travel = np.mean([(s.mean - s.second_mean - model.constant)[plant.travels] for s in self.segments], axis=0)
         zero = np.maximum(slow.std[[slow.sensors[s.name]["bias"].start for s in plant.transducers]], _LEAST_ZERO)
-        stiffness = of_delivery(*((part[slow.log_stiffness][vertical]) for part in (self.theta - slow.mean, slow.std)))
+        stiffness = of_delivery(*(part[slow.log_stiffness][vertical] for part in (self.theta - slow.mean, slow.std)))
         off = self.cg_offset()
         least = plant.geometry.least_load_share(off)
         evidence = LoadEvidence(off, least, *stiffness, motion, m.cg, plant.centre, m.points[rows], travel, zero)

@@ -269,14 +269,18 @@ class ParameterEstimator:
         certainly = _CERTAINLY if self.geometry.free.all() else _CERTAINLY_GUIDED
         if beyond > stats.chi2.ppf(_STILL if self.loaded else certainly, size):
             self._confirmed = found.copy()
-        else:
-            # seconds that show nothing of the CG confirm no load and contradict none
-            moved = found - self._confirmed if self.loaded and self._confirmed.size else np.full(size, np.inf)
-            if not moved @ np.linalg.solve(covariance, moved) <= stats.chi2.ppf(_STILL, size):
-                return None
+        elif not self.loaded or self._contradicted(found, covariance):
+            return None
         offset = np.zeros(3)
         offset[axes] = OFFSET_UNIT * found
         return offset
+
+    def _contradicted(self, found: Array, covariance: Array) -> bool:
+        """Return whether an offset of the CG and its covariance exclude where it was seen: seconds that show nothing do not."""
+        if not self._confirmed.size:
+            return True
+        moved = found - self._confirmed
+        return not moved @ np.linalg.solve(covariance, moved) <= stats.chi2.ppf(_STILL, len(moved))
 
     def _shown_offset(self, own: ParameterFilter) -> tuple[Array, Array, float]:
         """Return the offset of the CG that the last seconds show, its covariance, its square over what is expected."""
