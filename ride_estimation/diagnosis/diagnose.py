@@ -37,8 +37,8 @@ from ride_estimation.diagnosis.answer.result import (
 from ride_estimation.diagnosis.answer.stability import stability
 from ride_estimation.diagnosis.answer.validation_evidence import weighed
 from ride_estimation.diagnosis.answer.verdict import (
+    causes_per_effect,
     describe,
-    force_laws,
     gained_nothing,
     left_elsewhere,
     name_causes,
@@ -450,7 +450,7 @@ def _accepted_or_not(work: Work, base: Prediction, validation: Sequence[Validati
         reason = gained_nothing(gain, settings) if accepted.in_band else ""
         refuted = bool(reason)
         _, remaining = remaining_energy(work, base, gain)
-        known = within_library(force_laws(accepted.fitted), remaining, law, settings)
+        known = within_library(causes_per_effect(accepted.fitted, work.plant.sensors), remaining, law, settings)
         # where nothing above the noise is left without them, or most of it with them, they need a gain beyond doubt
         if not reason and judged_in_band(work):
             gained = proven(gain, settings)
@@ -488,13 +488,13 @@ def _verdict(work: Work, base: Prediction, judged: _Judged, named: tuple[NamedCa
     if elsewhere is not None and not judged.refuted:
         share = 0.0 if right_elsewhere(judged.gain, work.settings) else elsewhere
     accepted = judged.work.selection.accepted
-    laws = force_laws(accepted.fitted) if accepted is not None else 0
-    laws += sum(c.id == SOFT_MOUNT for c in named)
-    known = within_library(laws, share, judged.law, work.settings)
+    soft = any(c.id == SOFT_MOUNT for c in named)
+    counts = causes_per_effect(accepted.fitted if accepted is not None else (), work.plant.sensors, soft)
+    known = within_library(counts, share, judged.law, work.settings)
     if not named:
         return (UNEXPLAINED if remaining > 0.0 else NO_DISCREPANCY), remaining, known
     ports = {p for f in accepted.fitted for p in f.hypothesis.ports} if accepted is not None else set()
-    form = laws == 1 and not ports.isdisjoint(judged.law.ports)
+    form = sum(counts) == 1 and not ports.isdisjoint(judged.law.ports)
     if form and elsewhere is not None and elsewhere < work.settings.unexplained:
         known = max(known, _EVEN)
     return (EXPLAINED if known >= _EVEN else UNEXPLAINED), remaining, known

@@ -23,6 +23,7 @@ from ride_estimation.diagnosis.answer.result import (
     ValidationGain,
 )
 from ride_estimation.diagnosis.answer.verdict import (
+    causes_per_effect,
     describe,
     force_laws,
     gained_nothing,
@@ -178,8 +179,8 @@ def test_an_explanation_says_how_much_remains_from_half_again_the_noise_on(after
     assert ("of the error energy above the noise floor remain unexplained" in words) is said
 
 
-def part(cause: str, axis: str, *ports: int) -> SimpleNamespace:
-    return SimpleNamespace(hypothesis=SimpleNamespace(cause=cause, axis=axis, ports=ports))
+def part(cause: str, axis: str, *ports: int, at: str = "mount") -> SimpleNamespace:
+    return SimpleNamespace(hypothesis=SimpleNamespace(cause=cause, axis=axis, ports=ports, location=at))
 
 
 @pytest.mark.parametrize(
@@ -194,6 +195,14 @@ def part(cause: str, axis: str, *ports: int) -> SimpleNamespace:
 )
 def test_laws_of_one_kind_at_shared_mounts_are_one_force_law(fitted: list[SimpleNamespace], count: int):
     assert force_laws(fitted) == count
+
+
+def test_one_effect_stands_for_causes_that_act_by_forces_or_for_those_of_one_sensor():
+    fitted = [part("backlash", "z", 2), part("mass_change", "", at="cab"), part("sensor_gain", "z", at="a"), part("sensor_delay", "", at="a")]
+    assert causes_per_effect(fitted, ("a", "b")) == (2, 2)
+    assert causes_per_effect(fitted[2:], ("a", "b")) == (2,)
+    assert causes_per_effect(fitted[2:], ("a", "b"), soft=True) == (1, 2)
+    assert causes_per_effect((), ("a", "b")) == ()
 
 
 def test_a_validation_run_far_above_its_floor_is_unexplained_whatever_the_fitted_run_says():
@@ -266,7 +275,8 @@ def verdict_of(monkeypatch, elsewhere: float | None, remaining: float, law: Free
     monkeypatch.setattr(chain, "remaining_energy", lambda work, base, gain: (remaining, remaining))
     monkeypatch.setattr(chain, "left_elsewhere", lambda gain, settings: elsewhere)
     monkeypatch.setattr(chain, "right_elsewhere", lambda gain, settings: right)
-    work = SimpleNamespace(settings=Settings(), selection=SimpleNamespace(accepted=SimpleNamespace(fitted=fitted)))
+    accepted, plant = SimpleNamespace(fitted=fitted), SimpleNamespace(sensors=("a", "b"))
+    work = SimpleNamespace(settings=Settings(), selection=SimpleNamespace(accepted=accepted), plant=plant)
     judged = SimpleNamespace(refuted=False, gain=None, law=law, work=work)
     return chain._verdict(work, None, judged, tuple(SimpleNamespace(id=f.hypothesis.cause) for f in fitted))
 
@@ -320,7 +330,8 @@ def test_where_nothing_is_left_above_the_noise_a_cause_needs_a_gain_beyond_doubt
         monkeypatch.setattr(chain, name, lambda *_, value=value: value)
     monkeypatch.setattr(chain.dataclasses, "replace", lambda thing, **changes: SimpleNamespace(**{**vars(thing), **changes}))
     selection = SimpleNamespace(accepted=accepted)
-    work = SimpleNamespace(selection=selection, settings=Settings(), data=None, extended=None, selector=selector)
+    plant = SimpleNamespace(sensors=())
+    work = SimpleNamespace(selection=selection, settings=Settings(), data=None, extended=None, selector=selector, plant=plant)
     assert (chain._accepted_or_not(work, None, []).refused == "") is named
 
 

@@ -396,20 +396,22 @@ def test_stated_probability_counts_what_no_library_lists():
         return np.mean(1.5 / mean * (1.0 + shares / (2.0 * mean)) ** -4)
 
     # a right cause leaves 5 % on average, a mimic anything; nothing left is no more certain than what is known of mimics
-    certain = within_library(1, 0.0, NO_LAW, settings)
+    certain = within_library((1,), 0.0, NO_LAW, settings)
     for share in (0.0, 0.05, 0.3):
-        assert within_library(1, share, NO_LAW, settings) == pytest.approx(9.0 / (9.0 + 1.0 / right(share, 0.05)), rel=1e-4)
-    assert within_library(1, 0.05, NO_LAW, settings) < certain < 0.995
+        assert within_library((1,), share, NO_LAW, settings) == pytest.approx(9.0 / (9.0 + 1.0 / right(share, 0.05)), rel=1e-4)
+    assert within_library((1,), 0.05, NO_LAW, settings) < certain < 0.995
     # odds of an unknown effect against two causes: five times as likely
-    assert 1.0 / within_library(2, 0.0, NO_LAW, settings) - 1.0 == pytest.approx(5.0 * (1.0 / certain - 1.0))
+    assert 1.0 / within_library((2,), 0.0, NO_LAW, settings) - 1.0 == pytest.approx(5.0 * (1.0 / certain - 1.0))
+    # no effect is a force and an error of a sensor at once: one of either kind could stand for one of two such causes only
+    assert 1.0 / within_library((1, 1), 0.0, NO_LAW, settings) - 1.0 == pytest.approx(2.0 * (1.0 / certain - 1.0))
     # nobody knows how far real laws are from a library: what explains half of an effect is not impossible
-    assert 0.1 < within_library(1, 0.5, NO_LAW, settings) < 0.25
+    assert 0.1 < within_library((1,), 0.5, NO_LAW, settings) < 0.25
     # a law of general form explains 7.8 % more: six times the mean of a right cause, three times where 39 % are left by something
-    refuted, doubted = (within_library(1, 0.0, FreeLaw("mount", "z", 0.078, left), settings) for left in (0.0, 0.39))
+    refuted, doubted = (within_library((1,), 0.0, FreeLaw("mount", "z", 0.078, left), settings) for left in (0.0, 0.39))
     assert refuted == pytest.approx(9.0 / (9.0 + 1.0 / right(0.078, 0.013)), rel=1e-4)
     assert doubted == pytest.approx(9.0 / (9.0 + 1.0 / right(0.078, 0.026)), rel=1e-4)
     # a law at one mount explains 97 % of what a sprung mass does: likelier by as much as right laws leave 3 %; 60 % is no rival
-    rival, none = (within_library(1, 0.0, FreeLaw("mount", "x", 0.0, alone=share), settings) for share in (0.97, 0.6))
+    rival, none = (within_library((1,), 0.0, FreeLaw("mount", "x", 0.0, alone=share), settings) for share in (0.97, 0.6))
     assert 1.0 / rival - 1.0 == pytest.approx((1.0 / certain - 1.0) * right(0.03, 0.05), rel=1e-4)
     assert none == certain
 

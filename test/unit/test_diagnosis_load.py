@@ -15,16 +15,18 @@ from worlds.vehicle_text import Belief
 
 from ride_estimation.diagnosis.calibration.baseline import balanced_columns, port_columns
 from ride_estimation.diagnosis.calibration.linear_model import calibrate, file_parameters
+from ride_estimation.diagnosis.calibration.weighed_loads import balance_of, balances
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.common.effect import Where
 from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.model.measurement import measurement
-from ride_estimation.diagnosis.model.plant import build_plant
+from ride_estimation.diagnosis.model.plant import build_plant, static_forces
 from ride_estimation.diagnosis.runs.model_run import ModelState
 from ride_estimation.diagnosis.runs.run_data import RunData
 from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
+from ride_estimation.vehicles.vehicle import Prior, Vehicle
 
 SECONDS, RATE_HZ, STEP = 30.0, 100.0, 1e-3
 SITTING = np.array([0.15, 0.25, 0.0])
@@ -138,6 +140,55 @@ def test_static_travel_determines_a_load_and_its_position(seed):
     for axis, true in zip("xy", SITTING):
         place = found[f"place from the CG {axis}"]
         assert abs(place.value - true) < 2.5 * place.std + 0.02
+
+
+def weighed(file: Vehicle, vehicle: CabVehicle, share: float, std: float, seed: int) -> Vehicle:
+    """Return the file with the loads of its mounts, weighed to ``std`` with a load of a share of the true mass at ``SITTING``."""
+    load = share * vehicle.mass
+    cg = vehicle.cg + load / (vehicle.mass + load) * SITTING
+    body = dataclasses.replace(file.bodies["cab"], mass=Prior(vehicle.mass + load), cg=cg)
+    true = dataclasses.replace(file, bodies={**file.bodies, "cab": body})
+    forces = static_forces(true, file.mount_names, ("cab",)) + std * np.random.default_rng(seed).standard_normal(4)
+    mounts = {
+        name: dataclasses.replace(file.mounts[name], static_load=Prior(float(force), std))
+        for name, force in zip(file.mount_names, forces)
+    }
+    return dataclasses.replace(file, mounts=mounts)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [9231, 9233, 9234])
+def test_weighed_loads_determine_a_load_without_travel(seed):
+    vehicle, file, (run, other) = runs_of(seed, 0.12, SITTING, transducers=False)
+    answer = diagnose(weighed(file, vehicle, 0.12, 30.0, seed), run, [other])
+    assert answer.verdict == "explained"
+    assert [(c.id, c.location) for c in answer.causes] == [("mass_change", "cab")], answer.sentence
+    found = {p.name: p for p in answer.causes[0].parameters}
+    mass = found["added mass"]
+    assert abs(mass.value - 0.12 * vehicle.mass) < 2.5 * mass.std
+    assert mass.std < 0.25 * mass.value
+    for axis, true in zip("xy", SITTING):
+        place = found[f"place from the CG {axis}"]
+        assert abs(place.value - true) < 2.5 * place.std + 0.02
+
+
+def test_loads_that_were_weighed_without_it_say_nothing_of_a_load():
+    vehicle, file, (run, _) = runs_of(9201, 0.0, SITTING, transducers=False)
+    tolerances = Settings().tolerances
+    of = {
+        share: balances(build_plant(weighed(file, vehicle, share, 30.0, 1), dict.fromkeys(file.sensors, 3), 0.3, 0.5), tolerances)
+        for share in (0.0, 0.12)
+    }
+    assert of[0.0] == () and balances(build_plant(file, dict.fromkeys(file.sensors, 3), 0.3, 0.5), tolerances) == ()
+    mass, gravity = 0.12 * vehicle.mass, file.gravity
+    assert [(b.body, b.coordinate) for b in of[0.12]] == [("cab", 2), ("cab", 3), ("cab", 4)]
+    cg = mass * SITTING - (vehicle.mass + mass) * (file.bodies["cab"].cg - vehicle.cg)
+    wanted = gravity * np.array([vehicle.mass + mass - file.bodies["cab"].mass.value, cg[1], -cg[0]])
+    assert [b.left for b in of[0.12]] == pytest.approx(wanted, abs=250.0)
+    # a weight on the body adds what was measured
+    weight = np.array([0.0, 0.0, -mass * gravity, *np.cross(SITTING, [0.0, 0.0, -mass * gravity])])
+    told = balance_of([(b.body, b.coordinate) for b in of[0.12]], file, "cab", weight)
+    assert [*told.values()] == pytest.approx(gravity * mass * np.array([1.0, SITTING[1], -SITTING[0]]))
 
 
 @pytest.mark.slow

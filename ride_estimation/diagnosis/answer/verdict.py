@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,10 +105,11 @@ def weighed_sizes(sizes: Sequence[Reported], view: RunView) -> tuple[Reported, .
     )
 
 
-def within_library(count: int, remaining: float, law: FreeLaw, settings: Settings) -> float:
+def within_library(counts: Sequence[int], remaining: float, law: FreeLaw, settings: Settings) -> float:
     """Return the probability that the named causes, and not one effect that no library lists, explain the run.
 
-    One effect outside the library rivals every set of causes. A further cause has its prior, so an unknown effect that takes
+    One effect outside the library rivals every set of causes that it could stand for: those that act by forces, or those of one
+    sensor; where there are others, they are right beside it. A further cause has its prior, so an unknown effect that takes
     several causes to describe gets the likelier the more they are. Two shares tell a cause that only mimics the real one: what
     remains, and what a law of general form explains beyond the cause. Both are small on average for a right cause, the second a
     share of whatever else the model misses on top; a mimic leaves anything up to all of it. They are no independent evidence: the
@@ -118,14 +120,15 @@ def within_library(count: int, remaining: float, law: FreeLaw, settings: Setting
 
     Parameters
     ----------
-    count
-        Number of named causes.
+    counts
+        Numbers of named causes that one effect could stand for, see :func:`causes_per_effect`.
     remaining
         Share of the residual energy above the noise floor that they leave.
     law
         The law without a name that explains most of that.
     """
-    odds = settings.unknown_probability / (1.0 - settings.unknown_probability) / settings.further_cause ** max(count - 1, 0)
+    odds = settings.unknown_probability / (1.0 - settings.unknown_probability)
+    odds *= sum(settings.further_cause ** (1 - count) for count in counts) if counts else 1.0
     left = 1.0 / _right(min(remaining, 1.0), _FORM_LEFT)
     beyond = 1.0 / _right(min(law.share, 1.0), _FORM_BEYOND + _FITS_ANYTHING * law.left)
     instead = max(_right(max(1.0 - law.alone, 0.0), _FORM_LEFT), 1.0)
@@ -275,8 +278,21 @@ def _missed_within_range(gain: Gain) -> list[tuple[float, float]]:
     return [(_beyond(before, floor), _beyond(after, floor)) for before, after, floor in judged]
 
 
+def causes_per_effect(fitted: Sequence[Fitted], sensors: Collection[str], soft: bool = False) -> tuple[int, ...]:
+    """Return how many of the named causes one effect could stand for: those that act by forces, and those of every sensor.
+
+    Parameters
+    ----------
+    soft
+        Whether a mount out of line is named beside the fitted causes.
+    """
+    of_sensors = collections.Counter(f.hypothesis.location for f in fitted if f.hypothesis.location in sensors)
+    forces = force_laws([f for f in fitted if f.hypothesis.location not in sensors]) + soft
+    return (*([forces] if forces else []), *of_sensors.values())
+
+
 def force_laws(fitted: Sequence[Fitted]) -> int:
-    """Return the number of named causes; force laws of one kind at mounts that they share are one law, described in parts."""
+    """Return the number of causes; force laws of one kind at mounts that they share are one law, described in parts."""
     found: list[tuple[Law | None, set[int]]] = []
     for f in fitted:
         law, ports = library()[f.hypothesis.cause].LAW, set(f.hypothesis.ports)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.calibration.initial_state import initial_motions
+from ride_estimation.diagnosis.calibration.weighed_loads import balance_of, balances
 from ride_estimation.diagnosis.common.effect import Where
 from ride_estimation.diagnosis.model.plant import CHANNELS, Signal
 from ride_estimation.diagnosis.runs.frame import tilt_spectrum
@@ -61,21 +62,25 @@ class Adjustable:
 
 @dataclasses.dataclass(frozen=True)
 class MeanTable:
-    """Mean readings of accelerometers that see gravity and of transducers: the zero-frequency evidence.
+    """Mean readings of accelerometers that see gravity and of transducers, and weighed loads: the zero-frequency evidence.
 
     Attributes
     ----------
     signals
-        One per row.
+        One per row, of the first rows.
+    weighed
+        Body and coordinate of every equilibrium of weighed loads, of the others.
     residual
-        Measured mean minus gravity along the sensor axis, or minus the zero of a transducer, in units of ``std``, shape (K,).
+        Measured mean minus gravity along the sensor axis, or minus the zero of a transducer, or weighed loads minus the weight, in
+        units of ``std``, shape (K,).
     std
-        Offset tolerance of every row [m/s^2], [m], shape (K,).
+        Offset tolerance of every row [m/s^2], [m], [N], [N m], shape (K,).
     gravity
         Gravity reaction in sensor axes by sensor name, shape (3,).
     """
 
     signals: tuple[Signal, ...]
+    weighed: tuple[tuple[str, int], ...]
     residual: Array
     std: Array
     gravity: dict[str, Array]
@@ -89,11 +94,11 @@ class MeanTable:
 
 
 def mean_table(view: RunView) -> MeanTable:
-    """Return the mean readings of a run against gravity, and of transducers against their zero at static equilibrium."""
+    """Return the mean readings of a run against gravity, those of transducers and weighed loads against static equilibrium."""
     plant, tolerances = view.plant, view.settings.tolerances
     gravity = {s: plant.vehicle.sensors[s].rotation.T @ np.array([0.0, 0.0, plant.vehicle.gravity]) for s in plant.sensors}
     rows: list[Signal] = []
-    values: list[float] = []
+    readings: list[float] = []
     for signals, mean, shift in (
         (plant.outputs, view.data.output_mean, view.model.output_rectified),
         (plant.inputs, view.data.input_mean, np.zeros(len(plant.inputs))),
@@ -101,10 +106,28 @@ def mean_table(view: RunView) -> MeanTable:
         for s, m, d in zip(signals, mean, shift):
             if s.kind == "displacement" or s.dc:
                 rows.append(s)
-                values.append(float(m - d - (gravity[s.sensor][s.component] if s.kind == "acceleration" else 0.0)))
+                readings.append(float(m - d - (gravity[s.sensor][s.component] if s.kind == "acceleration" else 0.0)))
     installed = [tolerances.of(plant.vehicle.sensors[s.sensor]) for s in rows]
     std = np.array([i.bias if s.kind == "acceleration" else i.travel_zero for s, i in zip(rows, installed)])
-    return MeanTable(tuple(rows), np.array(values) / std, std, gravity)
+    balanced = balances(plant, tolerances)
+    values, std = np.array([*readings, *(b.left for b in balanced)]), np.array([*std, *(b.std for b in balanced)])
+    return MeanTable(tuple(rows), tuple((b.body, b.coordinate) for b in balanced), values / std, std, gravity)
+
+
+def weight_means(view: RunView, table: MeanTable, body: str, weight: Array) -> dict[int, float]:
+    """Return what a further weight on a body, its wrench about the CG (6,), adds to weighed loads, row -> [N], [N m]."""
+    first = len(table.signals)
+    return {first + i: value for i, value in balance_of(table.weighed, view.plant.vehicle, body, weight).items()}
+
+
+def moment_weight(view: RunView, axis: int) -> Array:
+    """Return the wrench of the weight of a first moment of one kilogram metre along an axis, shape (6,)."""
+    return np.concatenate([np.zeros(3), -view.plant.vehicle.gravity * np.cross(np.eye(3)[axis], [0.0, 0.0, 1.0])])
+
+
+def cg_means(view: RunView, table: MeanTable, body: str, axis: int) -> dict[int, float]:
+    """Return what a CG that lies one metre off along an axis adds to weighed loads, row -> [N], [N m]."""
+    return weight_means(view, table, body, view.plant.vehicle.bodies[body].mass.value * moment_weight(view, axis))
 
 
 def static_shift(view: RunView, wrench: Array) -> Array:
@@ -148,7 +171,7 @@ def baseline_columns(
     while batch := [*itertools.islice(columns, _BATCH)]:
         adjustables += [item for item, _, _ in batch]
         parts.append(view.rows(np.stack([spectrum for _, spectrum, _ in batch], axis=2), single=True))
-        means.append(np.zeros((len(table.signals), len(batch))))
+        means.append(np.zeros((len(table.std), len(batch))))
         for number, (_, _, own) in enumerate(batch):
             means[-1][[*own], number] = np.array([*own.values()]) / table.std[[*own]]
     return tuple(adjustables), np.concatenate(parts, axis=2), np.concatenate(means, axis=1)
@@ -161,7 +184,7 @@ def baseline_spectra(view: RunView, table: MeanTable, prior: tuple[Array, Array]
     for item, p, force in _port_adjustables(view, prior):
         yield item, from_port[:, :, p] * force[:, None], {}
     for item, spectrum in (*body_adjustables(view, moving), *_axes_columns(view), *_tilt_columns(view)):
-        yield item, spectrum, {}
+        yield item, spectrum, cg_means(view, table, item.place, AXES.index(item.axis)) if item.kind == "cg" else {}
     yield from _sensor_columns(view, table)
     yield from _attitude_columns(view, table)
 

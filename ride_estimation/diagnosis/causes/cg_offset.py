@@ -9,7 +9,8 @@ from typing import final
 
 import numpy as np
 
-from ride_estimation.diagnosis.common.effect import Column
+from ride_estimation.diagnosis.calibration.baseline import cg_means, mean_table
+from ride_estimation.diagnosis.common.effect import Column, Effect, Where
 from ride_estimation.diagnosis.common.extension import move_cg
 from ride_estimation.diagnosis.hypotheses.body_wrench import cg_column
 from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
@@ -37,8 +38,9 @@ class CgOffset(Cause):
             for axis in AXES:
 
                 def columns(view: RunView, shape: Shapes, b: str = body, axis: str = axis) -> list[Column]:
-                    column = cg_column(view, b, axis)
-                    return [column] if column else []
+                    column, table = cg_column(view, b, axis), mean_table(view)
+                    means = cg_means(view, table, b, AXES.index(axis))
+                    return [(*column, *(Effect(Where.MEAN, r, np.array([v])) for r, v in means.items()))] if column else []
 
                 out.append(Hypothesis(self.ID, body, axis, columns, places_cg=True))
         return out

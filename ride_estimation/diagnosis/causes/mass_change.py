@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.calibration.baseline import (
     balanced_acceleration,
     mean_table,
+    moment_weight,
     sensor_error_spectra,
     static_means,
     static_shift,
+    weight_means,
 )
+from ride_estimation.diagnosis.calibration.weighed_loads import MASS_STD, carried
 from ride_estimation.diagnosis.common.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypotheses.body_wrench import six_of, wrench_column
 from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
@@ -36,10 +39,9 @@ _INSTANTS, _NEIGHBOURS = 20, 1.5
 #: how long a load takes to come on [s]: first trial, and from what is dropped to what is filled. What comes on slower than a
 #: body bounces hardly makes it bounce
 _TAKES, _TAKES_WITHIN = 0.5, (0.05, 10.0)
-#: a load: standard deviation of a mass that the file states without one, standard deviations that one from the start is
-#: beyond, the largest share of the body that comes or goes and its largest distance from the CG as a multiple of that of the
-#: farthest mount or sensor: what a moment needs farther out is a CG that lies elsewhere
-_WEIGHED, _BEYOND, _MOST, _REACH = 0.01, 3.0, 0.6, 1.5
+#: a load: standard deviations that one from the start is beyond, the largest share of the body that comes or goes and its
+#: largest distance from the CG as a multiple of that of the farthest mount or sensor: what a moment needs farther out is a CG that lies elsewhere
+_BEYOND, _MOST, _REACH = 3.0, 0.6, 1.5
 _CONSTANT = "from the start"
 
 
@@ -49,7 +51,7 @@ class MassChange(Cause):
 
     ID = "mass_change"
     QUESTION = "Does a body carry a load that the vehicle file does not know, or does its mass change at some moment of the run?"
-    NEEDS = "displacement transducers, a load off the CG, or excitation before and after a change"
+    NEEDS = "displacement transducers, weighed corner loads, a load off the CG, or excitation before and after a change"
     RIVALS = ("parameter_drift", "cg_offset")
     WOULD_REFUTE = "the weight of the body on a scale as the vehicle file has it; a damping over stiffness ratio that changes too"
     MEASURE_NEXT = "weigh the body, or log payload or air-spring pressure; mark loading in the recording"
@@ -62,7 +64,8 @@ class MassChange(Cause):
         apart = (last - first) / (_INSTANTS - 1)
         instant = Shape("at", 0.5 * (first + last), first, last, 0.2 * apart, _NEIGHBOURS * apart)
         bounds = (instant, Shape("over", _TAKES, *_TAKES_WITHIN))
-        sinks = any(s.kind == "displacement" for s in view.plant.outputs)
+        travels = any(s.kind == "displacement" for s in view.plant.outputs)
+        weighed = {body for body, _ in mean_table(view).weighed}
         out: list[Hypothesis] = []
         for body in dict.fromkeys(b for b, _ in view.plant.coordinates):
 
@@ -76,11 +79,11 @@ class MassChange(Cause):
                 moving = view.grid.signal(balanced_acceleration(view, b))
                 return [column for column in _at_rest(view, b, _constant_load(view, b, moving)) if column]
 
-            def carried(view: RunView, shape: Shapes, b: str = body) -> list[Column]:
+            def simulated(view: RunView, shape: Shapes, b: str = body) -> list[Column]:
                 return [column for column in _at_rest(view, b, _constant_load(view, b, six_of(view, b)[1])) if column]
 
             mass = view.plant.vehicle.bodies[body].mass
-            known = _BEYOND * (mass.std or _WEIGHED * mass.value)
+            known = _BEYOND * (mass.std or MASS_STD * mass.value)
             moments, reach = len(_moment_axes(view, body)), _REACH * _extent(view.plant.vehicle, body)
 
             def on_the_body(coefficients: Array, shape: Shapes, count: int = moments, reach: float = reach) -> bool:
@@ -92,12 +95,13 @@ class MassChange(Cause):
                 return abs(float(coefficients[0])) >= least and near(coefficients, shape)
 
             most = _MOST * mass.value
+            sinks = travels or any(body in carried(view.plant.vehicle, name) for name in weighed)
             out.append(Hypothesis(
                 self.ID, body, "", changing, grid, bounds, largest=most, run_bound=True, plausible=on_the_body
             ))
             out.append(Hypothesis(
                 self.ID, body, "", constant, variant=_CONSTANT, largest=most, plausible=plausible,
-                shows_in_means=sinks, only_alone=not sinks, moves_cg=True, simulated=carried,
+                shows_in_means=sinks, only_alone=not sinks, moves_cg=True, absorbed=True, simulated=simulated,
             ))
         return out
 
@@ -258,12 +262,12 @@ def _inertia(view: RunView, body: str, window: Array) -> list[Column]:
 def _at_rest(view: RunView, body: str, columns: list[Column]) -> list[Column]:
     """Return the columns of a load with what its weight does at rest: mean readings of transducers, turned bodies."""
     table, gravity = mean_table(view), view.plant.vehicle.gravity
-    weight = [np.concatenate([-gravity * _UP, np.zeros(3)])]
-    weight += [np.concatenate([np.zeros(3), -gravity * np.cross(np.eye(3)[i], _UP)]) for i in range(3)]
+    weight = [np.concatenate([-gravity * _UP, np.zeros(3)]), *(moment_weight(view, i) for i in range(3))]
     out = []
     for column, six in zip(columns, weight):
         shift = static_shift(view, six @ view.plant.body_map(body))
-        sag = [Effect(Where.MEAN, row, np.array([value])) for row, value in static_means(view, table, shift).items()]
+        means = static_means(view, table, shift) | weight_means(view, table, body, six)
+        sag = [Effect(Where.MEAN, row, np.array([value])) for row, value in means.items()]
         out.append((*column, *sag, *_turned(view, shift)) if column else ())
     return out
 

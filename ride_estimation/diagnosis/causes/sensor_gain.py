@@ -77,9 +77,16 @@ class SensorGain(Cause):
 
                 axis = axis_name(group[0]) if len(group) == 1 else ""
                 variant = "" if group[0] < len(AXES) else _RATES
-                out.append(Hypothesis(self.ID, sensor, axis, trimmed, variant=variant, plausible=possible, fault=fault))
+                kinds = [(trimmed, variant)]
                 if is_accelerometer(view, sensor) and any(_shows_at_rest(table, sensor, a) for a in group):
-                    out.append(Hypothesis(self.ID, sensor, axis, whole, variant=_UNTRIMMED, plausible=possible, fault=fault))
+                    kinds.append((whole, _UNTRIMMED))
+                out += [
+                    Hypothesis(
+                        self.ID, sensor, axis, columns, variant=kind, plausible=possible, fault=fault,
+                        absorbed=is_input(view, sensor),
+                    )
+                    for columns, kind in kinds
+                ]
         return out
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:

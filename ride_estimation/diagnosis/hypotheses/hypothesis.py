@@ -82,6 +82,8 @@ class Hypothesis:
         Its columns hold a characteristic of any form where the shape has ``corners``.
     run_bound
         The cause belongs to one run (a disturbance, a change at some instant): another run needs its own coefficients.
+    absorbed
+        Calibration bends stiffness and CG until they take up much of it: its numbers mean something once it is fitted.
     shows_in_means
         Mean readings or strained tolerances alone are evidence for it, also beside another cause.
     seen_in_readings
@@ -114,6 +116,7 @@ class Hypothesis:
     largest: float = float("inf")
     plausible: Callable[[Array, Shapes], bool] = lambda coefficients, shape: True
     run_bound: bool = False
+    absorbed: bool = False
     shows_in_means: bool = False
     seen_in_readings: bool = False
     only_alone: bool = False

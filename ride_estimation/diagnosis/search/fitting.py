@@ -87,6 +87,8 @@ class FullFit:
         Squared deviations from priors and mean readings, and their mean for a good installation.
     price
         Price of the hypotheses [nat].
+    bases
+        How much likelier the base readings are without the errors of base sensors among the hypotheses [nat].
     simulated
         What the model of the view was simulated with of hypotheses that say so, and with which numbers.
     """
@@ -106,6 +108,7 @@ class FullFit:
     penalty: float
     expected_penalty: float
     price: float
+    bases: float
     simulated: Simulated = ()
 
     @property
@@ -120,7 +123,7 @@ class FullFit:
 
     def log_likelihood(self, temper: float) -> float:
         """Return the penalised log-likelihood of the fit blocks [nat], up to a constant common to all models."""
-        return -0.5 * (self.misfit / temper + self.penalty) - self.price
+        return -0.5 * (self.misfit / temper + self.penalty) + self.bases - self.price
 
     def slim(self, view: RunView, regression: Regression) -> FullFit:
         """Return what is kept of a fit that lost its round, on a view and a regression that are kept anyhow."""
@@ -354,8 +357,10 @@ class FullFitter:
         }
         held |= {i: a.offset for i, a in enumerate(everything) if (a.kind, a.place, a.axis) in replaced}
         prior = hold(np.array([a.prior_std for a in everything]), np.array([a.offset for a in everything]), held)
-        # what the readings of the bases are free of is no part of their means
-        means = None if view.plant.reading_errors == cal.view.plant.reading_errors else mean_table(view).residual
+        # what the readings of the bases are free of is no part of their means, and no CG that a plant holds of weighed loads
+        same = view.plant.reading_errors == cal.view.plant.reading_errors
+        same &= not cal.table.weighed or view.plant.body_errors == cal.view.plant.body_errors
+        means = None if same else mean_table(view).residual
         return tuple(everything), cal.regression.replaced(index, rows, residual, prior, temper, means)
 
     def fit(
@@ -503,10 +508,11 @@ class FullFitter:
         alone = regression.fit(grams, self._splits.fit, None, means[:, used])
         held_out = regression.misfit(grams, self._splits.select, alone.coefficients)
         on_fit = float(misfit[self._blocks].sum())
+        bases = self._cal.bases.evidence(combined_effects(columns, full[p:]))
         penalty = (fit.objective - on_fit) / regression.temper
         return FullFit(
             view, tuple(fitted), regression, adjustables, rows, means, full, covariance, misfit, on_fit, held_out,
-            view.inefficiency, penalty, fit.expected_penalty, cost,
+            view.inefficiency, penalty, fit.expected_penalty, cost, bases,
         )  # fmt: skip
 
     def stated(self, fit: FullFit) -> FullFit:
