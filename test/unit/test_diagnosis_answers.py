@@ -198,7 +198,8 @@ def test_laws_of_one_kind_at_shared_mounts_are_one_force_law(fitted: list[Simple
 
 
 def test_one_effect_stands_for_causes_that_act_by_forces_or_for_those_of_one_sensor():
-    fitted = [part("backlash", "z", 2), part("mass_change", "", at="cab"), part("sensor_gain", "z", at="a"), part("sensor_delay", "", at="a")]
+    forces = [part("backlash", "z", 2), part("mass_change", "", at="cab")]
+    fitted = [*forces, part("sensor_gain", "z", at="a"), part("sensor_delay", "", at="a")]
     assert causes_per_effect(fitted, ("a", "b")) == (2, 2)
     assert causes_per_effect(fitted[2:], ("a", "b")) == (2,)
     assert causes_per_effect(fitted[2:], ("a", "b"), soft=True) == (1, 2)

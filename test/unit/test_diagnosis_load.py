@@ -173,7 +173,7 @@ def test_weighed_loads_determine_a_load_without_travel(seed):
 
 
 def test_loads_that_were_weighed_without_it_say_nothing_of_a_load():
-    vehicle, file, (run, _) = runs_of(9201, 0.0, SITTING, transducers=False)
+    vehicle, file, _ = runs_of(9201, 0.0, SITTING, transducers=False)
     tolerances = Settings().tolerances
     of = {
         share: balances(build_plant(weighed(file, vehicle, share, 30.0, 1), dict.fromkeys(file.sensors, 3), 0.3, 0.5), tolerances)

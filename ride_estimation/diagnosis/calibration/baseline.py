@@ -71,7 +71,7 @@ class MeanTable:
     weighed
         Body and coordinate of every equilibrium of weighed loads, of the others.
     residual
-        Measured mean minus gravity along the sensor axis, or minus the zero of a transducer, or weighed loads minus the weight, in
+        Measured mean minus gravity along the sensor axis, or minus the zero of a transducer, or weighed loads less the weight, in
         units of ``std``, shape (K,).
     std
         Offset tolerance of every row [m/s^2], [m], [N], [N m], shape (K,).

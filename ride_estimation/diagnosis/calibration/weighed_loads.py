@@ -24,8 +24,10 @@ Array = NDArray[np.float64]
 
 #: coordinates along which vertical loads balance a weight
 _BALANCED = ("z", "roll", "pitch")
-#: standard deviations from which on weighed loads contradict mass and CG; standard deviation of a mass that states none, as a share
-_CONTRADICTED, MASS_STD = 3.0, 0.01
+#: standard deviations from which on weighed loads contradict mass and CG
+_CONTRADICTED = 3.0
+#: relative standard deviation of a mass that states none
+MASS_STD = 0.01
 
 
 @dataclasses.dataclass(frozen=True)

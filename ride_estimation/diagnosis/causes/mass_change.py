@@ -40,7 +40,8 @@ _INSTANTS, _NEIGHBOURS = 20, 1.5
 #: body bounces hardly makes it bounce
 _TAKES, _TAKES_WITHIN = 0.5, (0.05, 10.0)
 #: a load: standard deviations that one from the start is beyond, the largest share of the body that comes or goes and its
-#: largest distance from the CG as a multiple of that of the farthest mount or sensor: what a moment needs farther out is a CG that lies elsewhere
+#: largest distance from the CG as a multiple of that of the farthest mount or sensor: what a moment needs farther out is a CG
+#: that lies elsewhere
 _BEYOND, _MOST, _REACH = 3.0, 0.6, 1.5
 _CONSTANT = "from the start"
 

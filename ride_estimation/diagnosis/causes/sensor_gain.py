@@ -77,7 +77,7 @@ class SensorGain(Cause):
 
                 axis = axis_name(group[0]) if len(group) == 1 else ""
                 variant = "" if group[0] < len(AXES) else _RATES
-                kinds = [(trimmed, variant)]
+                kinds: list[tuple[_Columns, str]] = [(trimmed, variant)]
                 if is_accelerometer(view, sensor) and any(_shows_at_rest(table, sensor, a) for a in group):
                     kinds.append((whole, _UNTRIMMED))
                 out += [

@@ -277,7 +277,8 @@ def _score_batch(
             q = len(part)
             coefficients, drop = solve_signed(normal[np.ix_(part, part)], right[part], h.column_signs(q))
             gain = 0.5 * drop / projector.regression.temper if h.absorbed or h.meaningful(coefficients, shape) else 0.0
-            agreed = bases.evidence(combined_effects([flat[i] for i in part], coefficients)) if bases is not None and gain else 0.0
+            effects = combined_effects([flat[i] for i in part], coefficients)
+            agreed = bases.evidence(effects) if bases is not None and gain else 0.0
             out.append(Score(h, shape, coefficients, gain, gain + agreed - price(h, q, samples, choices)))
         offset += len(columns)
     return out
