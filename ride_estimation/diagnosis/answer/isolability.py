@@ -1,5 +1,5 @@
 # Copyright 2026 ride_estimation contributors
-"""Which causes a run cannot tell apart, and what would separate them."""
+"""Which causes, and which places of one cause, a run cannot tell apart, and what would separate them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.common.wording import title
+from ride_estimation.diagnosis.search.candidates import same_place
 from ride_estimation.diagnosis.search.selection import Round
 
 Array = NDArray[np.float64]
@@ -44,6 +46,8 @@ class Confusion:
 
     Attributes
     ----------
+    first, second
+        Causes in words, or one cause at two places.
     deficit
         Log-likelihood by which the second falls behind [nat].
     """
@@ -57,8 +61,7 @@ class Confusion:
     def claim(self) -> str:
         """Return what cannot be distinguished on this run."""
         how = "cannot be distinguished" if self.deficit < _ALIKE else "can hardly be distinguished"
-        first, second = self.first.replace("_", " "), self.second.replace("_", " ")
-        return f"{first} and {second} {how} on this run"
+        return f"{self.first} and {self.second} {how} on this run"
 
     @property
     def words(self) -> str:
@@ -75,16 +78,22 @@ def separation(first: str, second: str) -> str:
 
 
 def confusions(rounds: Sequence[Round], limit: float = 5.0) -> tuple[Confusion, ...]:
-    """Return the pairs of causes whose best fits of a round differ by less than ``limit`` nat."""
+    """Return the pairs of causes, or of places of one cause, whose best fits of a round differ by less than ``limit`` nat."""
     out: list[Confusion] = []
     for current in rounds:
         if not current.candidates:
             continue
         best = current.candidates[0]
-        first = best.hypothesis.cause
         for other in current.candidates[1:]:
-            second = other.hypothesis.cause
+            one, two = best.hypothesis, other.hypothesis
             deficit = other.behind(best)
-            if second != first and deficit < limit:
-                out.append(Confusion(first, second, float(deficit), separation(first, second)))
+            if deficit >= limit:
+                continue
+            if two.cause != one.cause:
+                names = one.cause.replace("_", " "), two.cause.replace("_", " ")
+            elif two.axis == one.axis and not same_place(one, two):
+                names = title(*one.key), title(*two.key)
+            else:
+                continue
+            out.append(Confusion(*names, float(deficit), separation(one.cause, two.cause)))
     return tuple(out)

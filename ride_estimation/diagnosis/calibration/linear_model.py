@@ -4,14 +4,12 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from ride_estimation.diagnosis.calibration.base_agreement import BaseAgreement
 from ride_estimation.diagnosis.calibration.baseline import (
     Adjustable,
     MeanTable,
@@ -68,11 +66,6 @@ class Calibrated:
     fit: Fit
     blocks: IntArray
     held: Mapping[int, float] = dataclasses.field(default_factory=dict)
-
-    @functools.cached_property
-    def bases(self) -> BaseAgreement:
-        """Return how well the base readings agree with each other."""
-        return BaseAgreement(self.view)
 
     @property
     def penalty(self) -> float:

@@ -87,8 +87,6 @@ class FullFit:
         Squared deviations from priors and mean readings, and their mean for a good installation.
     price
         Price of the hypotheses [nat].
-    bases
-        How much likelier the base readings are without the errors of base sensors among the hypotheses [nat].
     simulated
         What the model of the view was simulated with of hypotheses that say so, and with which numbers.
     """
@@ -108,7 +106,6 @@ class FullFit:
     penalty: float
     expected_penalty: float
     price: float
-    bases: float
     simulated: Simulated = ()
 
     @property
@@ -123,7 +120,7 @@ class FullFit:
 
     def log_likelihood(self, temper: float) -> float:
         """Return the penalised log-likelihood of the fit blocks [nat], up to a constant common to all models."""
-        return -0.5 * (self.misfit / temper + self.penalty) + self.bases - self.price
+        return -0.5 * (self.misfit / temper + self.penalty) - self.price
 
     def slim(self, view: RunView, regression: Regression) -> FullFit:
         """Return what is kept of a fit that lost its round, on a view and a regression that are kept anyhow."""
@@ -508,11 +505,10 @@ class FullFitter:
         alone = regression.fit(grams, self._splits.fit, None, means[:, used])
         held_out = regression.misfit(grams, self._splits.select, alone.coefficients)
         on_fit = float(misfit[self._blocks].sum())
-        bases = self._cal.bases.evidence(combined_effects(columns, full[p:]))
         penalty = (fit.objective - on_fit) / regression.temper
         return FullFit(
             view, tuple(fitted), regression, adjustables, rows, means, full, covariance, misfit, on_fit, held_out,
-            view.inefficiency, penalty, fit.expected_penalty, cost, bases,
+            view.inefficiency, penalty, fit.expected_penalty, cost,
         )  # fmt: skip
 
     def stated(self, fit: FullFit) -> FullFit:

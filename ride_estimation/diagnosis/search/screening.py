@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from ride_estimation.diagnosis.calibration.base_agreement import BaseAgreement
 from ride_estimation.diagnosis.calibration.baseline import MeanTable
 from ride_estimation.diagnosis.calibration.regression import Regression
-from ride_estimation.diagnosis.common.effect import Column, Where, combined_effects
+from ride_estimation.diagnosis.common.effect import Column, Where
 from ride_estimation.diagnosis.common.parallel import in_order
 from ride_estimation.diagnosis.hypotheses.hypothesis import Hypothesis, Shapes, Sign
 from ride_estimation.diagnosis.runs.noise import temper_of
@@ -39,7 +38,7 @@ class Score:
     gain
         Half the drop of the objective over the temper, log-likelihood gain [nat].
     penalised
-        Gain and what base readings say, minus the price of columns, shapes and choices [nat].
+        Gain minus the price of columns, shapes and choices [nat].
     """
 
     hypothesis: Hypothesis
@@ -180,15 +179,12 @@ def price(hypothesis: Hypothesis, columns: int, samples: float, choices: int) ->
 
 
 def screen(
-    view: RunView, table: MeanTable, projector: Projector, hypotheses: Sequence[Hypothesis], samples: float,
-    bases: BaseAgreement | None = None,
+    view: RunView, table: MeanTable, projector: Projector, hypotheses: Sequence[Hypothesis], samples: float
 ) -> list[Score]:
     """Return the best score of every hypothesis over its grid, best first.
 
     Parameters
     ----------
-    bases
-        What the base readings say about errors of base sensors, None where that does not count.
     samples
         Effective number of samples of the fit, for the price of a parameter.
     """
@@ -196,7 +192,7 @@ def screen(
     choices = sum(len(members) for _, _, members in jobs)
 
     def score(batch: Sequence[_Job]) -> list[Score]:
-        return _score_batch(view, table, projector, batch, samples, choices, bases)
+        return _score_batch(view, table, projector, batch, samples, choices)
 
     best: dict[int, Score] = {}
     for scores in in_order(score, _batches(jobs), view.settings.threads):
@@ -259,8 +255,7 @@ def _batches(jobs: Sequence[_Job]) -> list[list[_Job]]:
 
 
 def _score_batch(
-    view: RunView, table: MeanTable, projector: Projector, jobs: Sequence[_Job], samples: float, choices: int,
-    bases: BaseAgreement | None,
+    view: RunView, table: MeanTable, projector: Projector, jobs: Sequence[_Job], samples: float, choices: int
 ) -> list[Score]:
     """Return the scores of the jobs of one batch."""
     batch = [(job, columns) for job in jobs if (columns := job[0].columns(view, job[1]))]
@@ -277,8 +272,6 @@ def _score_batch(
             q = len(part)
             coefficients, drop = solve_signed(normal[np.ix_(part, part)], right[part], h.column_signs(q))
             gain = 0.5 * drop / projector.regression.temper if h.absorbed or h.meaningful(coefficients, shape) else 0.0
-            effects = combined_effects([flat[i] for i in part], coefficients)
-            agreed = bases.evidence(effects) if bases is not None and gain else 0.0
-            out.append(Score(h, shape, coefficients, gain, gain + agreed - price(h, q, samples, choices)))
+            out.append(Score(h, shape, coefficients, gain, gain - price(h, q, samples, choices)))
         offset += len(columns)
     return out

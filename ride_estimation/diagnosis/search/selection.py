@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.calibration.linear_model import Calibrated, beyond_limits
 from ride_estimation.diagnosis.causes import library
-from ride_estimation.diagnosis.common.effect import combined_effects
 from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.common.splits import Splits
 from ride_estimation.diagnosis.hypotheses.hypothesis import Fitted, Hypothesis, Sign
@@ -449,7 +448,7 @@ class Selector:
         projector = Projector(regression, self._fits.blocks)
         kept = [f for i, f in enumerate(accepted.fitted) if i != place] if accepted is not None else []
         hypotheses = [h for h in self._possible(view, kept) if rivals is None or identity(h) in rivals]
-        scores = screen(view, self._cal.table, projector, hypotheses, self._fits.dof, self._cal.bases)
+        scores = screen(view, self._cal.table, projector, hypotheses, self._fits.dof)
         if rivals is None:
             leading = max((s.gain for s in scores), default=0.0)
             rivals = frozenset(identity(s.hypothesis) for s in scores if s.gain > _RIVAL * leading)
@@ -480,8 +479,6 @@ class Selector:
         reference = self._reference(accepted, temper)
         if accepted is not None and place is not None:
             reference -= (accepted.misfit_without(place, self._fits.blocks) - accepted.misfit) / (2.0 * temper)
-            effects = [e for f in kept for e in combined_effects(f.hypothesis.columns(view, f.shape), f.coefficients)]
-            reference -= accepted.bases - self._cal.bases.evidence(effects)
         return Round(tuple(candidates), reference, temper, own, rivals)
 
     def _possible(self, view: RunView, kept: Sequence[Fitted]) -> list[Hypothesis]:
