@@ -15,7 +15,7 @@ from worlds.vehicle_text import Belief
 
 from ride_estimation.diagnosis.calibration.baseline import balanced_columns, port_columns
 from ride_estimation.diagnosis.calibration.linear_model import calibrate, file_parameters
-from ride_estimation.diagnosis.calibration.weighed_loads import balance_of, balances
+from ride_estimation.diagnosis.calibration.weighed_loads import balance_of, balances, unusable
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.common.effect import Where
 from ride_estimation.diagnosis.common.settings import Settings
@@ -185,6 +185,11 @@ def test_loads_that_were_weighed_without_it_say_nothing_of_a_load():
     cg = mass * SITTING - (vehicle.mass + mass) * (file.bodies["cab"].cg - vehicle.cg)
     wanted = gravity * np.array([vehicle.mass + mass - file.bodies["cab"].mass.value, cg[1], -cg[0]])
     assert [b.left for b in of[0.12]] == pytest.approx(wanted, abs=250.0)
+    # loads in kilograms are no load of the cab
+    light = weighed(file, vehicle, 0.0, 30.0, 1)
+    wrong = {n: dataclasses.replace(m, static_load=Prior(m.static_load.value / 9.81, 3.0)) for n, m in light.mounts.items()}
+    other_unit = build_plant(dataclasses.replace(light, mounts=wrong), dict.fromkeys(file.sensors, 3), 0.3, 0.5)
+    assert balances(other_unit, tolerances) == () and "cab" in unusable(other_unit)[0]
     # a weight on the body adds what was measured
     weight = np.array([0.0, 0.0, -mass * gravity, *np.cross(SITTING, [0.0, 0.0, -mass * gravity])])
     told = balance_of([(b.body, b.coordinate) for b in of[0.12]], file, "cab", weight)

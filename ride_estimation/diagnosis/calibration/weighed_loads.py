@@ -18,7 +18,7 @@ from ride_estimation.diagnosis.common.settings import Tolerances
 from ride_estimation.diagnosis.model.plant import Plant
 from ride_estimation.estimation.forces.mount_forces import STATIC_LOAD_STD
 from ride_estimation.frames import AXES, COORDINATES
-from ride_estimation.vehicles.vehicle import Mount, Vehicle
+from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -28,6 +28,8 @@ _BALANCED = ("z", "roll", "pitch")
 _CONTRADICTED = 3.0
 #: relative standard deviation of a mass that states none
 MASS_STD = 0.01
+#: largest share of the mass of a body that comes or goes as a load
+LARGEST_LOAD = 0.6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,21 +57,45 @@ def balances(plant: Plant, tolerances: Tolerances) -> tuple[Balance, ...]:
 
     Bodies count whose mounts are all weighed; all three equations of a body are returned where one of them is contradicted.
     """
-    out: list[Balance] = []
-    for name in dict.fromkeys(b for b, _ in plant.coordinates):
+    return tuple(
+        b for name, stated in _stated(plant) if not _absurd(plant, stated) and _contradicted(plant, stated, tolerances)
+        for b in _balanced(plant, name, {})
+    )
+
+
+def unusable(plant: Plant) -> tuple[str, ...]:
+    """Return words on weighed loads that no load of a body explains, as of another unit."""
+    return tuple(
+        f"the static loads of the mounts of {name} are off its weight by {stated[0].left:.4g} N, more than a load can be"
+        for name, stated in _stated(plant) if _absurd(plant, stated)
+    )
+
+
+def _stated(plant: Plant) -> list[tuple[str, list[Balance]]]:
+    """Return the bodies whose mounts are all weighed with their equilibria at the CG of the vehicle file."""
+    out = []
+    for name in dict.fromkeys(b for b, c in plant.coordinates if c == _BALANCED[0]):
         mounts = [m for m in plant.vehicle.mounts.values() if m.body == name]
-        if not mounts or any(m.static_load is None for m in mounts):
-            continue
-        stated = _balanced(plant, mounts, name, plant.body_errors)
-        turning = np.array([tolerances.of_cg(plant.vehicle.bodies[name])[i] for i in (1, 0)])
-        cg = plant.vehicle.bodies[name].mass.value * plant.vehicle.gravity * turning
-        spread = {3: float(cg[0]), 4: float(cg[1])}
-        if any(abs(b.left) > _CONTRADICTED * math.hypot(b.std, spread.get(b.coordinate, 0.0)) for b in stated):
-            out += _balanced(plant, mounts, name, {})
-    return tuple(out)
+        if mounts and all(m.static_load is not None for m in mounts):
+            out.append((name, _balanced(plant, name, plant.body_errors)))
+    return out
 
 
-def _balanced(plant: Plant, mounts: Sequence[Mount], name: str, errors: Mapping[tuple[str, str, str], float]) -> list[Balance]:
+def _absurd(plant: Plant, stated: Sequence[Balance]) -> bool:
+    body = plant.vehicle.bodies[stated[0].body]
+    return abs(stated[0].left) > LARGEST_LOAD * body.mass.value * plant.vehicle.gravity
+
+
+def _contradicted(plant: Plant, stated: Sequence[Balance], tolerances: Tolerances) -> bool:
+    """Return whether weighed loads do not fit mass and CG of the vehicle file, each as well as it is known."""
+    body = plant.vehicle.bodies[stated[0].body]
+    shift = body.mass.value * plant.vehicle.gravity * np.array(tolerances.of_cg(body))
+    # roll tells the CG along y, pitch that along x
+    spread = {2: 0.0, 3: float(shift[1]), 4: float(shift[0])}
+    return any(abs(b.left) > _CONTRADICTED * math.hypot(b.std, spread[b.coordinate]) for b in stated)
+
+
+def _balanced(plant: Plant, name: str, errors: Mapping[tuple[str, str, str], float]) -> list[Balance]:
     """Return the equilibria of one body, without some errors of CGs that the plant holds and those that causes name."""
     vehicle, weight = plant.vehicle, np.zeros(6)
 
@@ -83,9 +109,9 @@ def _balanced(plant: Plant, mounts: Sequence[Mount], name: str, errors: Mapping[
         one = _wrench(cg_of(body) - about, vehicle.gravity)
         weight += mass.value * one
         variance += ((MASS_STD * mass.value if mass.std is None else mass.std) * one) ** 2
-    for mount in mounts:
+    for mount in vehicle.mounts.values():
         load = mount.static_load
-        if load is not None:
+        if mount.body == name and load is not None:
             one = _wrench(mount.position - about, 1.0)
             weight -= load.value * one
             variance += ((STATIC_LOAD_STD * abs(load.value) if load.std is None else load.std) * one) ** 2

@@ -20,7 +20,7 @@ from ride_estimation.diagnosis.calibration.baseline import (
     static_shift,
     weight_means,
 )
-from ride_estimation.diagnosis.calibration.weighed_loads import MASS_STD, carried
+from ride_estimation.diagnosis.calibration.weighed_loads import LARGEST_LOAD, MASS_STD, carried
 from ride_estimation.diagnosis.common.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypotheses.body_wrench import six_of, wrench_column
 from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
@@ -39,10 +39,9 @@ _INSTANTS, _NEIGHBOURS = 20, 1.5
 #: how long a load takes to come on [s]: first trial, and from what is dropped to what is filled. What comes on slower than a
 #: body bounces hardly makes it bounce
 _TAKES, _TAKES_WITHIN = 0.5, (0.05, 10.0)
-#: a load: standard deviations that one from the start is beyond, the largest share of the body that comes or goes and its
-#: largest distance from the CG as a multiple of that of the farthest mount or sensor: what a moment needs farther out is a CG
-#: that lies elsewhere
-_BEYOND, _MOST, _REACH = 3.0, 0.6, 1.5
+#: a load: standard deviations that one from the start is beyond, and its largest distance from the CG as a multiple of that of
+#: the farthest mount or sensor: what a moment needs farther out is a CG that lies elsewhere
+_BEYOND, _REACH = 3.0, 1.5
 _CONSTANT = "from the start"
 
 
@@ -95,7 +94,7 @@ class MassChange(Cause):
             ) -> bool:
                 return abs(float(coefficients[0])) >= least and near(coefficients, shape)
 
-            most = _MOST * mass.value
+            most = LARGEST_LOAD * mass.value
             sinks = travels or any(body in carried(view.plant.vehicle, name) for name in weighed)
             out.append(Hypothesis(
                 self.ID, body, "", changing, grid, bounds, largest=most, run_bound=True, plausible=on_the_body
@@ -107,16 +106,21 @@ class MassChange(Cause):
         return out
 
     def parameters(self, view: RunView, fitted: Fitted) -> tuple[Reported, ...]:
-        """Return the added mass [kg], its place from the CG [m] and, of a change, the instant [s]."""
-        added = float(fitted.coefficients[0])
+        """Return the added mass [kg], its place from the CG [m] and, of a change, the instant [s].
+
+        A part of the first moments of a load from the start is what the CG of a right file is off.
+        """
+        added, body = float(fitted.coefficients[0]), view.plant.vehicle.bodies[fitted.hypothesis.location]
+        constant = fitted.hypothesis.variant == _CONSTANT
+        off = body.mass.value / (added or 1.0) * np.array(view.settings.tolerances.of_cg(body)) * constant
         out = [Reported("added mass", added, fitted.std(0), "kg")]
         for number, axis in enumerate(_moments(view, fitted), start=1):
             place = float(fitted.coefficients[number]) / (added or 1.0)
             spread = np.array([-place, 1.0]) / (added or 1.0)
             pick = np.ix_([0, number], [0, number])
-            std = float(np.sqrt(max(float(spread @ fitted.covariance[pick] @ spread), 0.0)))
+            std = float(np.hypot(np.sqrt(max(float(spread @ fitted.covariance[pick] @ spread), 0.0)), off[axis]))
             out.append(Reported(f"place from the CG {AXES[axis]}", place, std, "m"))
-        if fitted.hypothesis.variant != _CONSTANT:
+        if not constant:
             out.insert(1, Reported("instant", float(fitted.shape["at"]), 0.02 * float(view.data.time_s[-1]), "s"))
         return tuple(out)
 
