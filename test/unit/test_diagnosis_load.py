@@ -15,7 +15,7 @@ from worlds.vehicle_text import Belief
 
 from ride_estimation.diagnosis.calibration.baseline import balanced_columns, port_columns
 from ride_estimation.diagnosis.calibration.linear_model import calibrate, file_parameters
-from ride_estimation.diagnosis.calibration.weighed_loads import balance_of, balances, unusable
+from ride_estimation.diagnosis.calibration.weighed_loads import balance_of, balances, contradictions
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.common.effect import Where
 from ride_estimation.diagnosis.common.settings import Settings
@@ -180,6 +180,10 @@ def test_loads_that_were_weighed_without_it_say_nothing_of_a_load():
         for share in (0.0, 0.12)
     }
     assert of[0.0] == () and balances(build_plant(file, dict.fromkeys(file.sensors, 3), 0.3, 0.5), tolerances) == ()
+    fits, heavy = (build_plant(weighed(file, vehicle, s, 30.0, 1), dict.fromkeys(file.sensors, 3), 0.3, 0.5) for s in (0.0, 0.12))
+    assert contradictions(fits, tolerances) == ()
+    (words,) = contradictions(heavy, tolerances)
+    assert f"{of[0.12][0].left:.4g} +-" in words and "N upwards" in words and words.endswith("N m of pitch left")
     mass, gravity = 0.12 * vehicle.mass, file.gravity
     assert [(b.body, b.coordinate) for b in of[0.12]] == [("cab", 2), ("cab", 3), ("cab", 4)]
     cg = mass * SITTING - (vehicle.mass + mass) * (file.bodies["cab"].cg - vehicle.cg)
@@ -189,7 +193,9 @@ def test_loads_that_were_weighed_without_it_say_nothing_of_a_load():
     light = weighed(file, vehicle, 0.0, 30.0, 1)
     wrong = {n: dataclasses.replace(m, static_load=Prior(m.static_load.value / 9.81, 3.0)) for n, m in light.mounts.items()}
     other_unit = build_plant(dataclasses.replace(light, mounts=wrong), dict.fromkeys(file.sensors, 3), 0.3, 0.5)
-    assert balances(other_unit, tolerances) == () and "cab" in unusable(other_unit)[0]
+    assert balances(other_unit, tolerances) == ()
+    (words,) = contradictions(other_unit, tolerances)
+    assert "of cab differ from its weight by" in words and words.endswith("not used")
     # a weight on the body adds what was measured
     weight = np.array([0.0, 0.0, -mass * gravity, *np.cross(SITTING, [0.0, 0.0, -mass * gravity])])
     told = balance_of([(b.body, b.coordinate) for b in of[0.12]], file, "cab", weight)

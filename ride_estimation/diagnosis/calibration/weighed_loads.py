@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 #: coordinates along which vertical loads balance a weight
 _BALANCED = ("z", "roll", "pitch")
+_LEFT = {2: "N upwards", 3: "N m of roll", 4: "N m of pitch"}
 #: standard deviations from which on weighed loads contradict mass and CG
 _CONTRADICTED = 3.0
 #: relative standard deviation of a mass that states none
@@ -63,12 +64,20 @@ def balances(plant: Plant, tolerances: Tolerances) -> tuple[Balance, ...]:
     )
 
 
-def unusable(plant: Plant) -> tuple[str, ...]:
-    """Return words on weighed loads that no load of a body explains, as of another unit."""
-    return tuple(
-        f"the static loads of the mounts of {name} are off its weight by {stated[0].left:.4g} N, more than a load can be"
-        for name, stated in _stated(plant) if _absurd(plant, stated)
-    )
+def contradictions(plant: Plant, tolerances: Tolerances) -> tuple[str, ...]:
+    """Return words on weighed loads that do not fit mass and CG of the vehicle file."""
+    out = []
+    for name, stated in _stated(plant):
+        if _absurd(plant, stated):
+            left = f"differ from its weight by {stated[0].left:.4g} N, which no load explains: not used"
+        elif _contradicted(plant, stated, tolerances):
+            left = "contradict its mass or CG, with " + ", ".join(
+                f"{b.left:.4g} +- {b.std:.2g} {_LEFT[b.coordinate]}" for b in stated
+            ) + " left"
+        else:
+            continue
+        out.append(f"the weighed static loads of the mounts of {name} {left}")
+    return tuple(out)
 
 
 def _stated(plant: Plant) -> list[tuple[str, list[Balance]]]:
