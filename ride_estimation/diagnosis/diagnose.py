@@ -54,7 +54,6 @@ from ride_estimation.diagnosis.calibration.in_line import loss_without
 from ride_estimation.diagnosis.calibration.initial_state import LEADING
 from ride_estimation.diagnosis.calibration.installation import installation_remarks
 from ride_estimation.diagnosis.calibration.linear_model import calibrate, file_parameters, with_held_faults
-from ride_estimation.diagnosis.calibration.weighed_loads import contradictions
 from ride_estimation.diagnosis.causes import library
 from ride_estimation.diagnosis.common.effect import Where, combined_effects
 from ride_estimation.diagnosis.common.extension import set_linear, with_knowledge
@@ -79,6 +78,7 @@ from ride_estimation.estimation.parameters.parameter_status import status_of
 from ride_estimation.frames import AXES
 from ride_estimation.signals.recording import UniformRun, run_title
 from ride_estimation.vehicles.vehicle import Vehicle
+from ride_estimation.vehicles.weighed_loads import contradiction
 
 Array = NDArray[np.float64]
 Report = Callable[[float], None]
@@ -311,7 +311,8 @@ def _prepare(vehicle: Vehicle, run: UniformRun, settings: Settings) -> tuple[Run
         raise InputDataError(
             f"the run {run.name} lasts {duration:.1f} s; at least {settings.minimum_duration_s:g} s are needed"
         )
-    words = (*unused_rates(plant, spoke), *contradictions(plant, tolerances))
+    loads = (contradiction(vehicle, body) for body in dict.fromkeys(b for b, _ in plant.coordinates))
+    words = (*unused_rates(plant, spoke), *filter(None, loads))
     if wrong := wrong_gyros(plant, run, settings):
         spoke |= dict.fromkeys(wrong, len(AXES))
         plant = build_plant(vehicle, spoke, tolerances.stiffness, tolerances.damping)

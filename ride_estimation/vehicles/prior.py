@@ -11,6 +11,11 @@ from ride_estimation.vehicles.vehicle import Prior
 STIFFNESS_LOG_STD, DAMPING_LOG_STD = 0.3, 0.5
 #: of the CG [m], and of the moments of inertia over their size [-]: a CAD model, or a swing test
 CG_STD, INERTIA_STD = 0.01, 0.05
+#: of a mass over its size [-]: a scale
+MASS_STD = 0.01
+#: of a static load over its size [-], where nobody weighed it or stated how well: half of the five per cent within which
+#: levelling, free lengths and spring rates of one model keep the loads of its mounts
+STATIC_LOAD_STD = 0.025
 #: share of the twist of a frame that a bracket follows, and its standard deviation [-]: on a cross member it rolls with it, on a
 #: rail it pitches with it
 TWIST_SHARE, TWIST_SHARE_STD = 0.6, 0.6

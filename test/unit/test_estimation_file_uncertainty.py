@@ -20,7 +20,7 @@ from worlds.vehicle_text import Belief
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.estimation.common.geometry import Geometry, geometry_of
-from ride_estimation.estimation.forces.mount_forces import STATIC_LOAD_STD, MountForceEstimator, static_split
+from ride_estimation.estimation.forces.mount_forces import MountForceEstimator, static_split
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.motion.loads import InertialLoads
@@ -28,6 +28,7 @@ from ride_estimation.estimation.parameters.amplitude import AmplitudeDependence
 from ride_estimation.estimation.parameters.force_balance import OFFSET_UNIT
 from ride_estimation.estimation.parameters.interval import Interval
 from ride_estimation.io.vehicle_file import load_vehicle, save_vehicle
+from ride_estimation.vehicles.prior import STATIC_LOAD_STD
 from ride_estimation.vehicles.vehicle import Prior, Vehicle
 
 #: where the CG of the truth lies from that of the file [m]

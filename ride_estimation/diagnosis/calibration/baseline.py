@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.calibration.initial_state import initial_motions
-from ride_estimation.diagnosis.calibration.weighed_loads import balance_of, balances
 from ride_estimation.diagnosis.common.effect import Where
-from ride_estimation.diagnosis.model.plant import CHANNELS, Signal
+from ride_estimation.diagnosis.model.plant import CHANNELS, Plant, Signal
 from ride_estimation.diagnosis.runs.frame import tilt_spectrum
 from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.frames import AXES, COORDINATES, point_motion_matrix, skew
+from ride_estimation.vehicles.weighed_loads import Balance, absurd, balance_of, balances, contradicted
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -109,9 +109,26 @@ def mean_table(view: RunView) -> MeanTable:
                 readings.append(float(m - d - (gravity[s.sensor][s.component] if s.kind == "acceleration" else 0.0)))
     installed = [tolerances.of(plant.vehicle.sensors[s.sensor]) for s in rows]
     std = np.array([i.bias if s.kind == "acceleration" else i.travel_zero for s, i in zip(rows, installed)])
-    balanced = balances(plant, tolerances)
+    balanced = _contradicted_balances(plant)
     values, std = np.array([*readings, *(b.left for b in balanced)]), np.array([*std, *(b.std for b in balanced)])
     return MeanTable(tuple(rows), tuple((b.body, b.coordinate) for b in balanced), values / std, std, gravity)
+
+
+def _contradicted_balances(plant: Plant) -> list[Balance]:
+    """Return the equilibria that weighed loads contradict by the vehicle file, at the CGs of a plant without named offsets."""
+    vehicle, out = plant.vehicle, []
+    for name in dict.fromkeys(b for b, _ in plant.coordinates):
+        without = {
+            body: known.cg - np.array([plant.named_cg.get((body, a), 0.0) for a in AXES])
+            for body, known in vehicle.bodies.items()
+        }
+        of_file = {
+            body: cg - np.array([plant.body_errors.get(("cg", body, a), 0.0) for a in AXES]) for body, cg in without.items()
+        }
+        stated = balances(vehicle, name, of_file)
+        if contradicted(vehicle, stated) and not absurd(vehicle, stated):
+            out += balances(vehicle, name, without)
+    return out
 
 
 def weight_means(view: RunView, table: MeanTable, body: str, weight: Array) -> dict[int, float]:

@@ -20,7 +20,6 @@ from ride_estimation.diagnosis.calibration.baseline import (
     static_shift,
     weight_means,
 )
-from ride_estimation.diagnosis.calibration.weighed_loads import LARGEST_LOAD, MASS_STD, carried
 from ride_estimation.diagnosis.common.effect import Column, Effect, Shape, Where
 from ride_estimation.diagnosis.hypotheses.body_wrench import six_of, wrench_column
 from ride_estimation.diagnosis.hypotheses.hypothesis import Cause, Fitted, Hypothesis, Reported, Shapes
@@ -28,7 +27,9 @@ from ride_estimation.diagnosis.hypotheses.operators import step_window
 from ride_estimation.diagnosis.model.plant import gravity_stiffness_of, static_forces
 from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.frames import AXES, COORDINATES
+from ride_estimation.vehicles.prior import MASS_STD
 from ride_estimation.vehicles.vehicle import Vehicle
+from ride_estimation.vehicles.weighed_loads import LARGEST_LOAD, carried
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -19,6 +19,7 @@ from ride_estimation.vehicles.assembly import assemble
 from ride_estimation.vehicles.modes import unheld_motions
 from ride_estimation.vehicles.prior import TWIST_SHARE
 from ride_estimation.vehicles.vehicle import Body, Mount, Vehicle
+from ride_estimation.vehicles.weighed_loads import contradiction
 
 Array = NDArray[np.float64]
 
@@ -169,6 +170,8 @@ def geometry_of(vehicle: Vehicle) -> Geometry:
     for i, arm in enumerate(arms):
         wrench[:, 3 * i : 3 * i + 3] = np.vstack([np.eye(3), skew(arm)])
     carried, ignored = _hung_on(vehicle, name)
+    if words := contradiction(vehicle, name):
+        ignored = (*ignored, f"{words}: forces are stated for the mass of the vehicle file")
     return Geometry(
         vehicle=vehicle,
         body=body,

@@ -26,15 +26,13 @@ from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import DeflectionBlock, Equilibrium
 from ride_estimation.estimation.kinematics.frame_deformation import FrameDeformation
 from ride_estimation.frames import AXES
+from ride_estimation.vehicles.prior import STATIC_LOAD_STD
 from ride_estimation.vehicles.vehicle import Mount
 
 Array = NDArray[np.float64]
 
 #: share of the dynamic mount force that frame twist hides from the body (34 to 40 % in pilots, up to 80 % on twisting frames)
 TWIST_SHARE = 0.7
-#: relative standard deviation of a static load that nobody weighed: half of the five per cent within which levelling, free
-#: lengths and spring rates of one model keep the loads of its mounts
-STATIC_LOAD_STD = 0.025
 #: memory of mean squares [s]
 _MEMORY = 5.0
 #: memory of those of spring forces where that is more: a bend is over before a mean has followed it [s]
