@@ -116,7 +116,7 @@ def mean_table(view: RunView) -> MeanTable:
 
 def _contradicted_balances(plant: Plant) -> list[Balance]:
     """Return the equilibria that weighed loads contradict by the vehicle file, at the CGs of a plant without named offsets."""
-    vehicle, out = plant.vehicle, []
+    vehicle, out = plant.vehicle, list[Balance]()
     for name in dict.fromkeys(b for b, _ in plant.coordinates):
         without = {
             body: known.cg - np.array([plant.named_cg.get((body, a), 0.0) for a in AXES])
