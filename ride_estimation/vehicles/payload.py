@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.errors import ConfigurationError
 from ride_estimation.vehicles.vehicle import Vehicle
+from ride_estimation.vehicles.weighed_loads import carried
 
 Array = NDArray[np.float64]
 
@@ -19,6 +20,7 @@ def with_payload(vehicle: Vehicle, body: str, mass: float, position: Array | Non
 
     With the body's own mass ``M``, CG ``c`` and inertia ``I``: ``M' = M + m``, ``c' = (M c + m p) / M'``,
     ``I' = I + (M m / M') (|r|^2 1 - r r^T)`` with ``r = p - c`` (parallel axes; the two terms of body and load together).
+    Static loads of the mounts below were weighed without it and are left out.
 
     Parameters
     ----------
@@ -46,4 +48,8 @@ def with_payload(vehicle: Vehicle, body: str, mass: float, position: Array | Non
         old, cg=old.cg + mass / total * arm, inertia=old.inertia + about_cg,
         mass=dataclasses.replace(old.mass, value=total, lower=old.mass.lower + mass, upper=old.mass.upper + mass),
     )  # fmt: skip
-    return dataclasses.replace(vehicle, bodies={**vehicle.bodies, body: moved})
+    mounts = {
+        name: dataclasses.replace(m, static_load=None) if body in carried(vehicle, m.body) else m
+        for name, m in vehicle.mounts.items()
+    }
+    return dataclasses.replace(vehicle, bodies={**vehicle.bodies, body: moved}, mounts=mounts)

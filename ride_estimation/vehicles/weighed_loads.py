@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ride_estimation.frames import COORDINATES
 from ride_estimation.vehicles.prior import CG_STD, MASS_STD, STATIC_LOAD_STD
-from ride_estimation.vehicles.vehicle import Vehicle
+from ride_estimation.vehicles.vehicle import Body, Prior, Vehicle
 
 Array = NDArray[np.float64]
 
@@ -64,15 +64,14 @@ def balances(vehicle: Vehicle, name: str, cgs: Mapping[str, Array] | None = None
     places = {body: vehicle.bodies[body].cg for body in vehicle.bodies} | dict(cgs or {})
     left, variance = np.zeros(6), np.zeros(6)
     for body in carried(vehicle, name):
-        mass = vehicle.bodies[body].mass
         one = _wrench(places[body] - places[name], vehicle.gravity)
-        left -= mass.value * one
-        variance += ((MASS_STD * mass.value if mass.std is None else mass.std) * one) ** 2
+        left -= vehicle.bodies[body].mass.value * one
+        variance += (_mass_std(vehicle.bodies[body]) * one) ** 2
     for mount in mounts:
         if mount.static_load is not None:
-            load, one = mount.static_load, _wrench(mount.position - places[name], 1.0)
-            left += load.value * one
-            variance += ((STATIC_LOAD_STD * abs(load.value) if load.std is None else load.std) * one) ** 2
+            one = _wrench(mount.position - places[name], 1.0)
+            left += mount.static_load.value * one
+            variance += (_load_std(mount.static_load) * one) ** 2
     own = [COORDINATES.index(c) for c in _LEFT if c in vehicle.bodies[name].coordinates]
     return tuple(Balance(name, i, float(left[i]), math.sqrt(max(float(variance[i]), 1e-12))) for i in own)
 
@@ -105,6 +104,14 @@ def contradiction(vehicle: Vehicle, name: str) -> str:
         left = ", ".join(f"{b.left:.4g} +- {b.std:.2g} {_LEFT[COORDINATES[b.coordinate]]}" for b in stated)
         return f"{words} contradict its mass or CG, with {left} left"
     return ""
+
+
+def _mass_std(body: Body) -> float:
+    return MASS_STD * body.mass.value if body.mass.std is None else body.mass.std
+
+
+def _load_std(load: Prior) -> float:
+    return STATIC_LOAD_STD * abs(load.value) if load.std is None else load.std
 
 
 def carried(vehicle: Vehicle, body: str) -> tuple[str, ...]:

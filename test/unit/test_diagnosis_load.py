@@ -26,6 +26,7 @@ from ride_estimation.diagnosis.runs.run_data import RunData
 from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.elements.kelvin_voigt import KelvinVoigt
 from ride_estimation.estimation.common.geometry import geometry_of
+from ride_estimation.vehicles.payload import with_payload
 from ride_estimation.vehicles.vehicle import Prior, Vehicle
 from ride_estimation.vehicles.weighed_loads import absurd, balance_of, balances, contradicted, contradiction
 
@@ -187,6 +188,9 @@ def test_loads_that_were_weighed_without_it_say_nothing_of_a_load():
     words = contradiction(heavy, "cab")
     assert f"{stated[0].left:.4g} +-" in words and "N upwards" in words and words.endswith("N m of pitch left")
     assert any(words in message for message in geometry_of(heavy).ignored) and not geometry_of(fits).ignored
+    # a planned payload is in the mass, and not in loads that were weighed before
+    planned = with_payload(fits, "cab", mass)
+    assert contradiction(planned, "cab") == "" and all(m.static_load is None for m in planned.mounts.values())
     # loads in kilograms are no load of the cab
     light = {n: dataclasses.replace(m, static_load=Prior(m.static_load.value / 9.81, 3.0)) for n, m in fits.mounts.items()}
     other_unit = dataclasses.replace(fits, mounts=light)
