@@ -9,10 +9,11 @@ import json
 import numpy as np
 import pytest
 from diagnosis_runs import hiding_law, quarter_car, quarter_car_run
+from scipy import signal
 
 from ride_estimation.diagnosis.answer import stability as module
 from ride_estimation.diagnosis.answer.result import PerturbedCopy, Stability
-from ride_estimation.diagnosis.answer.stability import PerturbedRun, overlap, rebuilt, spare_sensor
+from ride_estimation.diagnosis.answer.stability import PerturbedRun, overlap, rebuilt, resampled, spare_sensor
 from ride_estimation.diagnosis.common.settings import Settings
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.hypotheses.hypothesis import Fitted, Hypothesis
@@ -153,3 +154,18 @@ def test_a_redundant_sensor_is_one_whose_readings_the_others_determine():
     assert spare_sensor(plant, set()) == "twin"
     assert spare_sensor(plant, {"twin"}) == "body", "the sensor that is named stays"
     assert np.linalg.matrix_rank(plant.out_acceleration) == 1
+
+
+def test_a_clipped_signal_is_clipped_at_another_time_base_too():
+    time = np.arange(2000) / 200.0
+    free = np.stack([np.sin(2.0 * np.pi * 3.0 * time), np.cos(2.0 * np.pi * 1.7 * time)], axis=1)
+    cut = np.stack([np.clip(free[:, 0], -2.0, 0.7), free[:, 1]], axis=1)
+    again = resampled(cut, 9, 10)
+    plain = signal.resample_poly(cut, 9, 10, axis=0, padtype="line")
+    assert again.shape == (1800, 2)
+    # as much of the time lies at the limit as before, and nothing beyond it
+    share = np.mean(again[:, 0] > 0.7 - 1e-9)
+    assert share == pytest.approx(np.mean(cut[:, 0] > 0.7 - 1e-9), rel=0.15) and again[:, 0].max() <= 0.7
+    assert np.mean(plain[:, 0] > 0.7 - 1e-9) < 0.7 * share
+    # what is not cut is what it was but for its very peaks
+    assert again[50:-50, 1] == pytest.approx(np.cos(2.0 * np.pi * 1.7 * np.arange(1800) / 180.0)[50:-50], abs=2e-3)

@@ -13,11 +13,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from ride_estimation.diagnosis.answer.gain import refusal
 from ride_estimation.diagnosis.answer.result import EXPLAINED, NO_DISCREPANCY, PerturbedCopy, Stability
 from ride_estimation.diagnosis.calibration.linear_model import Calibrated, calibrated_at
 from ride_estimation.diagnosis.causes import library
+from ride_estimation.diagnosis.causes.sensor_clipping import NEAR_LIMIT
 from ride_estimation.diagnosis.common.splits import LEAST_BLOCKS, Splits
 from ride_estimation.diagnosis.common.wording import title
 from ride_estimation.diagnosis.hypotheses.hypothesis import Fitted, Hypothesis
@@ -31,6 +33,8 @@ from ride_estimation.diagnosis.search.prediction import predict
 from ride_estimation.diagnosis.search.selection import Round, Selection, Selector, required_evidence
 from ride_estimation.diagnosis.search.work import Work
 from ride_estimation.errors import InputDataError
+
+Array = NDArray[np.float64]
 
 _NOISE, _SHORTER, _RESAMPLED = 0.01, 0.1, (9, 10)
 #: rivals that are fitted beside every named cause, and candidates where none was named
@@ -78,12 +82,27 @@ def perturbed(work: Work) -> Iterator[PerturbedRun]:
         without = dataclasses.replace(data, outputs=data.outputs[:, rows], output_limits=data.output_limits[:, rows])
         yield PerturbedRun(f"without {spare}", fewer, without, _LACKS_SENSOR)
     up, down = _RESAMPLED
-    # linearly padded: a record does not end where it began
-    outputs, inputs = (scipy.signal.resample_poly(x, up, down, axis=0, padtype="line") for x in (data.outputs, data.inputs))
+    outputs, inputs = (resampled(x, up, down) for x in (data.outputs, data.inputs))
     place = np.minimum(np.round(np.arange(len(outputs)) * down / up).astype(int), len(data.valid) - 1)
     rate = data.rate_hz * up / down
     again = dataclasses.replace(data.at(place), rate_hz=rate, outputs=outputs, inputs=inputs)
     yield PerturbedRun(f"time base of {rate:g} Hz", plant, again, _LACKS_BASE)
+
+
+def resampled(values: Array, up: int, down: int) -> Array:
+    """Return signals at ``up / down`` times their rate, shape (N, q), still flat where a sensor has cut them.
+
+    Between two samples at the extreme of a channel a recorder of any rate would have read the limit too, and beyond it nothing.
+    """
+    # linearly padded: a record does not end where it began
+    out = scipy.signal.resample_poly(values, up, down, axis=0, padtype="line")
+    least, most = values.min(axis=0), values.max(axis=0)
+    near = np.minimum(values - least, most - values) < NEAR_LIMIT * np.std(values, axis=0)
+    place = np.minimum(np.arange(len(out)) * down / up, len(values) - 1.0)
+    left = np.floor(place).astype(int)
+    right, share = np.minimum(left + 1, len(values) - 1), (place - left)[:, None]
+    between = (1.0 - share) * values[left] + share * values[right]
+    return np.asarray(np.where(near[left] & near[right], between, np.clip(out, least, most)))
 
 
 def spare_sensor(plant: Plant, named: set[str]) -> str:

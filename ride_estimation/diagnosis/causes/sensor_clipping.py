@@ -20,7 +20,7 @@ from ride_estimation.vehicles.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 #: distance from a level within which a reading counts as cut, share of the standard deviation of its channel: a filter follows
-_NEAR = 0.02
+NEAR_LIMIT = 0.02
 
 
 def flat_tops(values: np.ndarray, limits: np.ndarray) -> list[tuple[float, float]]:
@@ -43,7 +43,7 @@ def flat_tops(values: np.ndarray, limits: np.ndarray) -> list[tuple[float, float
             out.append((side, side * limit))
             continue
         level = float(np.max(side * values))
-        width = max(_NEAR * spread, 1e-9)
+        width = max(NEAR_LIMIT * spread, 1e-9)
         near = int(np.count_nonzero(side * values > level - width))
         below = int(np.count_nonzero((side * values > level - 3.0 * width) & (side * values <= level - width)))
         if near >= 8 and near > 2 * below:
@@ -119,5 +119,5 @@ def _cut(view: RunView, from_input: bool, index: int, side: float, level: float)
         total = view.grid.signal(view.model.ideal_spectrum[:, [index]])[:, 0] + view.data.output_mean[index]
         return Effect(Where.OUTPUT, index, -side * np.maximum(side * total - level, 0.0))
     readings = view.data.measured.inputs
-    cut = side * readings[:, index] > level - _NEAR * float(np.std(readings[:, index]))
+    cut = side * readings[:, index] > level - NEAR_LIMIT * float(np.std(readings[:, index]))
     return Effect(Where.INPUT, index, missing_readings(readings, index, cut, side, view.data.measured.rate_hz))
