@@ -5,7 +5,12 @@ from __future__ import annotations
 
 import math
 
-from ride_estimation.vehicles.vehicle import Prior
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.vehicles.vehicle import Body, Prior
+
+Array = NDArray[np.float64]
 
 #: standard deviation of ln k and ln c where the file states none [-]: rubber scatters by a quarter from part to part and with age
 STIFFNESS_LOG_STD, DAMPING_LOG_STD = 0.3, 0.5
@@ -19,6 +24,16 @@ STATIC_LOAD_STD = 0.025
 #: share of the twist of a frame that a bracket follows, and its standard deviation [-]: on a cross member it rolls with it, on a
 #: rail it pitches with it
 TWIST_SHARE, TWIST_SHARE_STD = 0.6, 0.6
+
+
+def std_of(prior: Prior, usual: float) -> float:
+    """Return the standard deviation of a number, a usual share of its size where none is stated."""
+    return usual * abs(prior.value) if prior.std is None else prior.std
+
+
+def cg_std_of(body: Body) -> Array:
+    """Return the standard deviations of the CG of a body, those of its file where it states some, shape (3,) [m]."""
+    return np.full(3, CG_STD) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
 
 
 def log_std(prior: Prior | None, value: float, usual: float) -> float:

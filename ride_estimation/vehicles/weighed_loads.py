@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.frames import COORDINATES
-from ride_estimation.vehicles.prior import CG_STD, MASS_STD, STATIC_LOAD_STD
-from ride_estimation.vehicles.vehicle import Body, Prior, Vehicle
+from ride_estimation.vehicles.prior import MASS_STD, STATIC_LOAD_STD, cg_std_of, std_of
+from ride_estimation.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -61,17 +61,17 @@ def balances(vehicle: Vehicle, name: str, cgs: Mapping[str, Array] | None = None
     mounts = [m for m in vehicle.mounts.values() if m.body == name]
     if "z" not in vehicle.bodies[name].coordinates or not mounts or any(m.static_load is None for m in mounts):
         return ()
-    places = {body: vehicle.bodies[body].cg for body in vehicle.bodies} | dict(cgs or {})
+    places = {body: known.cg for body, known in vehicle.bodies.items()} | dict(cgs or {})
     left, variance = np.zeros(6), np.zeros(6)
     for body in carried(vehicle, name):
         one = _wrench(places[body] - places[name], vehicle.gravity)
         left -= vehicle.bodies[body].mass.value * one
-        variance += (_mass_std(vehicle.bodies[body]) * one) ** 2
+        variance += (std_of(vehicle.bodies[body].mass, MASS_STD) * one) ** 2
     for mount in mounts:
         if mount.static_load is not None:
             one = _wrench(mount.position - places[name], 1.0)
             left += mount.static_load.value * one
-            variance += (_load_std(mount.static_load) * one) ** 2
+            variance += (std_of(mount.static_load, STATIC_LOAD_STD) * one) ** 2
     own = [COORDINATES.index(c) for c in _LEFT if c in vehicle.bodies[name].coordinates]
     return tuple(Balance(name, i, float(left[i]), math.sqrt(max(float(variance[i]), 1e-12))) for i in own)
 
@@ -88,7 +88,7 @@ def contradicted(vehicle: Vehicle, stated: Sequence[Balance]) -> bool:
     spread = {2: 0.0}
     for body in {b.body for b in stated}:
         known = vehicle.bodies[body]
-        cg = np.full(3, CG_STD) if known.cg_std is None else known.cg_std
+        cg = cg_std_of(known)
         # roll tells the CG along y, pitch that along x
         spread |= {3: known.mass.value * vehicle.gravity * cg[1], 4: known.mass.value * vehicle.gravity * cg[0]}
     return any(abs(b.left) > _CONTRADICTED * math.hypot(b.std, spread[b.coordinate]) for b in stated)
@@ -104,14 +104,6 @@ def contradiction(vehicle: Vehicle, name: str) -> str:
         left = ", ".join(f"{b.left:.4g} +- {b.std:.2g} {_LEFT[COORDINATES[b.coordinate]]}" for b in stated)
         return f"{words} contradict its mass or CG, with {left} left"
     return ""
-
-
-def _mass_std(body: Body) -> float:
-    return MASS_STD * body.mass.value if body.mass.std is None else body.mass.std
-
-
-def _load_std(load: Prior) -> float:
-    return STATIC_LOAD_STD * abs(load.value) if load.std is None else load.std
 
 
 def carried(vehicle: Vehicle, body: str) -> tuple[str, ...]:

@@ -3,25 +3,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 import types
 
 import numpy as np
 import pytest
 from test_diagnosis_load import SITTING, runs_of
+from test_diagnosis_wiring import axes, recorded
 
 from ride_estimation.diagnosis.answer.isolability import confusions
 from ride_estimation.diagnosis.diagnose import diagnose
 from ride_estimation.diagnosis.hypotheses.hypothesis import Hypothesis
 from ride_estimation.diagnosis.search.selection import Candidate, Round
-from ride_estimation.signals.recording import UniformRun
-
-
-def magnified(run: UniformRun, sensor: str, component: int, factor: float) -> UniformRun:
-    """Return a run in which one component of a sensor is multiplied by a factor."""
-    wrong = run.data[sensor].copy()
-    wrong[:, component] *= factor
-    return dataclasses.replace(run, data={**run.data, sensor: wrong})
 
 
 @pytest.mark.slow
@@ -29,8 +21,9 @@ def magnified(run: UniformRun, sensor: str, component: int, factor: float) -> Un
 def test_a_base_sensor_that_reads_half_too_much_sideways_is_the_one_that_is_named(sensor: str):
     """Calibration leaves the mount a quarter of its stiffness, with which the error of the sensor looks larger than it can be."""
     _, file, runs = runs_of(9243, 0.0, SITTING, transducers=False)
-    sideways = int(np.argmax(np.abs(file.sensors[sensor].rotation[1])))
-    run, other = (magnified(r, sensor, sideways, 1.55) for r in runs)
+    factor = np.ones(3)
+    factor[np.argmax(np.abs(file.sensors[sensor].rotation[1]))] = 1.55
+    run, other = (recorded(r, axes(sensor, [0, 1, 2], tuple(factor))) for r in runs)
     answer = diagnose(file, run, [other])
     assert [(c.id, c.location) for c in answer.causes] == [("sensor_gain", sensor)], answer.sentence
     (gain,) = answer.causes[0].parameters

@@ -117,14 +117,13 @@ def mean_table(view: RunView) -> MeanTable:
 def _contradicted_balances(plant: Plant) -> list[Balance]:
     """Return the equilibria that weighed loads contradict by the vehicle file, at the CGs of a plant without named offsets."""
     vehicle, out = plant.vehicle, list[Balance]()
+    without = {
+        body: known.cg - np.array([plant.named_cg.get((body, a), 0.0) for a in AXES]) for body, known in vehicle.bodies.items()
+    }
+    of_file = {
+        body: cg - np.array([plant.body_errors.get(("cg", body, a), 0.0) for a in AXES]) for body, cg in without.items()
+    }
     for name in dict.fromkeys(b for b, _ in plant.coordinates):
-        without = {
-            body: known.cg - np.array([plant.named_cg.get((body, a), 0.0) for a in AXES])
-            for body, known in vehicle.bodies.items()
-        }
-        of_file = {
-            body: cg - np.array([plant.body_errors.get(("cg", body, a), 0.0) for a in AXES]) for body, cg in without.items()
-        }
         stated = balances(vehicle, name, of_file)
         if contradicted(vehicle, stated) and not absurd(vehicle, stated):
             out += balances(vehicle, name, without)
@@ -137,14 +136,15 @@ def weight_means(view: RunView, table: MeanTable, body: str, weight: Array) -> d
     return {first + i: value for i, value in balance_of(table.weighed, view.plant.vehicle, body, weight).items()}
 
 
-def moment_weight(view: RunView, axis: int) -> Array:
-    """Return the wrench of the weight of a first moment of one kilogram metre along an axis, shape (6,)."""
-    return np.concatenate([np.zeros(3), -view.plant.vehicle.gravity * np.cross(np.eye(3)[axis], [0.0, 0.0, 1.0])])
+def unit_weights(view: RunView) -> Array:
+    """Return the wrenches of the weights of a kilogram and of first moments of a kilogram metre along x, y, z, shape (4, 6)."""
+    down = np.array([0.0, 0.0, -view.plant.vehicle.gravity])
+    return np.vstack([np.append(down, np.zeros(3)), np.hstack([np.zeros((3, 3)), np.cross(np.eye(3), down)])])
 
 
 def cg_means(view: RunView, table: MeanTable, body: str, axis: int) -> dict[int, float]:
     """Return what a CG that lies one metre off along an axis adds to weighed loads, row -> [N], [N m]."""
-    return weight_means(view, table, body, view.plant.vehicle.bodies[body].mass.value * moment_weight(view, axis))
+    return weight_means(view, table, body, view.plant.vehicle.bodies[body].mass.value * unit_weights(view)[1 + axis])
 
 
 def static_shift(view: RunView, wrench: Array) -> Array:

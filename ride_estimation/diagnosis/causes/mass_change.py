@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from ride_estimation.diagnosis.calibration.baseline import (
     balanced_acceleration,
     mean_table,
-    moment_weight,
     sensor_error_spectra,
     static_means,
     static_shift,
+    unit_weights,
     weight_means,
 )
 from ride_estimation.diagnosis.common.effect import Column, Effect, Shape, Where
@@ -27,9 +27,9 @@ from ride_estimation.diagnosis.hypotheses.operators import step_window
 from ride_estimation.diagnosis.model.plant import gravity_stiffness_of, static_forces
 from ride_estimation.diagnosis.runs.run_view import RunView
 from ride_estimation.frames import AXES, COORDINATES
-from ride_estimation.vehicles.prior import MASS_STD
+from ride_estimation.vehicles.prior import MASS_STD, std_of
 from ride_estimation.vehicles.vehicle import Vehicle
-from ride_estimation.vehicles.weighed_loads import LARGEST_LOAD, carried
+from ride_estimation.vehicles.weighed_loads import LARGEST_LOAD
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -66,7 +66,7 @@ class MassChange(Cause):
         instant = Shape("at", 0.5 * (first + last), first, last, 0.2 * apart, _NEIGHBOURS * apart)
         bounds = (instant, Shape("over", _TAKES, *_TAKES_WITHIN))
         travels = any(s.kind == "displacement" for s in view.plant.outputs)
-        weighed = {body for body, _ in mean_table(view).weighed}
+        table, kilogram = mean_table(view), unit_weights(view)[0]
         out: list[Hypothesis] = []
         for body in dict.fromkeys(b for b, _ in view.plant.coordinates):
 
@@ -84,7 +84,7 @@ class MassChange(Cause):
                 return [column for column in _at_rest(view, b, _constant_load(view, b, six_of(view, b)[1])) if column]
 
             mass = view.plant.vehicle.bodies[body].mass
-            known = _BEYOND * (mass.std or MASS_STD * mass.value)
+            known = _BEYOND * std_of(mass, MASS_STD)
             moments, reach = len(_moment_axes(view, body)), _REACH * _extent(view.plant.vehicle, body)
 
             def on_the_body(coefficients: Array, shape: Shapes, count: int = moments, reach: float = reach) -> bool:
@@ -96,7 +96,7 @@ class MassChange(Cause):
                 return abs(float(coefficients[0])) >= least and near(coefficients, shape)
 
             most = LARGEST_LOAD * mass.value
-            sinks = travels or any(body in carried(view.plant.vehicle, name) for name in weighed)
+            sinks = travels or bool(weight_means(view, table, body, kilogram))
             out.append(Hypothesis(
                 self.ID, body, "", changing, grid, bounds, largest=most, run_bound=True, plausible=on_the_body
             ))
@@ -267,10 +267,8 @@ def _inertia(view: RunView, body: str, window: Array) -> list[Column]:
 
 def _at_rest(view: RunView, body: str, columns: list[Column]) -> list[Column]:
     """Return the columns of a load with what its weight does at rest: mean readings of transducers, turned bodies."""
-    table, gravity = mean_table(view), view.plant.vehicle.gravity
-    weight = [np.concatenate([-gravity * _UP, np.zeros(3)]), *(moment_weight(view, i) for i in range(3))]
-    out = []
-    for column, six in zip(columns, weight):
+    table, out = mean_table(view), []
+    for column, six in zip(columns, unit_weights(view)):
         shift = static_shift(view, six @ view.plant.body_map(body))
         means = static_means(view, table, shift) | weight_means(view, table, body, six)
         sag = [Effect(Where.MEAN, row, np.array([value])) for row, value in means.items()]

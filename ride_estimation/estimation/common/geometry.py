@@ -171,7 +171,7 @@ def geometry_of(vehicle: Vehicle) -> Geometry:
         wrench[:, 3 * i : 3 * i + 3] = np.vstack([np.eye(3), skew(arm)])
     carried, ignored = _hung_on(vehicle, name)
     if words := contradiction(vehicle, name):
-        ignored = (*ignored, f"{words}: mass and CG of the vehicle file are used, diagnose determines the load")
+        ignored = (*ignored, f"{words}: mass and CG of the vehicle file are used")
     return Geometry(
         vehicle=vehicle,
         body=body,

@@ -26,7 +26,7 @@ from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection import DeflectionBlock, Equilibrium
 from ride_estimation.estimation.kinematics.frame_deformation import FrameDeformation
 from ride_estimation.frames import AXES
-from ride_estimation.vehicles.prior import STATIC_LOAD_STD
+from ride_estimation.vehicles.prior import STATIC_LOAD_STD, std_of
 from ride_estimation.vehicles.vehicle import Mount
 
 Array = NDArray[np.float64]
@@ -128,9 +128,8 @@ def static_split(
     prior, std = shared.copy(), np.hypot(STATIC_LOAD_STD, share_std) * np.abs(shared)
     for i, mount in enumerate(mounts):
         if mount.static_load is not None:
-            load = mount.static_load
-            prior[3 * i + 2] = load.value
-            std[3 * i + 2] = STATIC_LOAD_STD * abs(load.value) if load.std is None else load.std
+            prior[3 * i + 2] = mount.static_load.value
+            std[3 * i + 2] = std_of(mount.static_load, STATIC_LOAD_STD)
     # what is carried sideways at rest follows from equilibrium alone
     std = np.maximum(std, 1e-6 * max(float(np.abs(weight).max(initial=0.0)), 1.0))
     gain = share_by_stiffness(wrench, std**2)

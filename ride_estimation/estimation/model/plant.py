@@ -19,7 +19,7 @@ from ride_estimation.estimation.model.load import Load, static_with_load
 from ride_estimation.estimation.model.states import FastStates, SlowStates, reading_width, slow_states
 from ride_estimation.frames import AXES, point_motion_matrix
 from ride_estimation.sensors.sensor import Sensor
-from ride_estimation.vehicles.prior import CG_STD, DAMPING_LOG_STD, INERTIA_STD, STIFFNESS_LOG_STD, TWIST_SHARE_STD, log_std
+from ride_estimation.vehicles.prior import DAMPING_LOG_STD, INERTIA_STD, STIFFNESS_LOG_STD, TWIST_SHARE_STD, cg_std_of, log_std
 from ride_estimation.vehicles.tangent import tangent
 from ride_estimation.vehicles.vehicle import Mount, Vehicle
 
@@ -163,7 +163,7 @@ class Plant:
         k, c = (np.array(p).T for p in pairs.values())
         known = any(r.kind == "known_mass" and r.body == body.name for r in a.vehicle.force_references)
         mass_std = 0.0 if known else self.mass_std
-        cg_std = np.full(3, CG_STD) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
+        cg_std = cg_std_of(body)
         spread = INERTIA_STD if body.inertia_relative_std is None else body.inertia_relative_std
         return slow_states(
             [
