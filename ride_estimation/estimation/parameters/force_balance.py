@@ -15,6 +15,7 @@ from ride_estimation.estimation.forces.free_parameters import FreeParameter
 from ride_estimation.estimation.forces.mount_law import MountLaw
 from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.parameters.balance_kernel import high_pass_block, integrate_block, low_pass_block
+from ride_estimation.estimation.sensor_errors.installed_errors import InstalledErrors, Motion
 from ride_estimation.frames import AXES, skew
 
 Array = NDArray[np.float64]
@@ -68,8 +69,8 @@ class BalanceChunk:
         The same from the mount law with the present multipliers, shape (K, 6).
     columns
         Derivative of ``modelled`` by the logarithm of every multiplier, then by the follow share, then by the logarithm of every
-        inverse principal inertia that is estimated, then by every offset of the CG [``OFFSET_UNIT``], then by the gain of every
-        horizontal axis of a base sensor, shape (K, 6, N + 1 + R + O + S).
+        inverse principal inertia that is estimated, then by every offset of the CG [``OFFSET_UNIT``], then by every error of the
+        installed sensors, shape (K, 6, N + 1 + R + O + E).
     step
         Distance of the ticks [s].
     """
@@ -140,13 +141,13 @@ class ForceBalance:
         Axes (0 to 2) about which the inertia is estimated.
     offsets
         Axes (0 to 2) along which the CG may lie off its place in the file.
-    gains
-        Axes of base sensors (3 times the mount plus 0 or 1) that may read too much or too little.
+    errors
+        Of the sensors.
     """
 
     def __init__(
         self, geometry: Geometry, tilting: BracketTilt, free_parameters: tuple[FreeParameter, ...], law: MountLaw,
-        corner_hz: float, turns: tuple[int, ...] = (), offsets: tuple[int, ...] = (), gains: tuple[int, ...] = (),
+        corner_hz: float, errors: InstalledErrors, turns: tuple[int, ...] = (), offsets: tuple[int, ...] = (),
     ) -> None:  # fmt: skip
         self.geometry = geometry
         self.free_parameters = free_parameters
@@ -159,7 +160,7 @@ class ForceBalance:
                 element = mount.elements.get(axis)
                 self._linear[i, a] = element is None or isinstance(element, KelvinVoigt)
         self._variants = None if self._linear.all() else [MountLaw(geometry) for _ in range(3)]
-        self.turns, self.offsets, self._gains = turns, offsets, np.array(gains, dtype=np.int64)
+        self.turns, self.offsets, self._errors = turns, offsets, errors
         self._file_inverse = inverse_mass(geometry)
         self._file_mass = np.linalg.pinv(self._file_inverse, hermitian=True)
         self._tilting = tilting
@@ -175,8 +176,8 @@ class ForceBalance:
         #: acceleration per unit tension of every mount axis, (6, 3 M)
         self.push = -self.inverse_mass @ self.geometry.wrench
         turn = np.eye(6)[:, [3 + a for a in self.turns]]
-        #: acceleration per unit of what every parameter scales, (6, N + 1 + R + O + S)
-        still = np.zeros((6, len(self.offsets) + len(self._gains)))
+        #: acceleration per unit of what every parameter scales, (6, N + 1 + R + O + E)
+        still = np.zeros((6, len(self.offsets) + self._errors.count))
         self.direction = np.hstack([self.push[:, self._parameter_axis], np.zeros((6, 1)), turn, still])
 
     def _root(self, logs: Array) -> Array:
@@ -201,12 +202,14 @@ class ForceBalance:
         self._turned = np.zeros((7, 2 * n))
         self._wrench = np.zeros((7, 12 + 6 * len(self.offsets)))
         self._nonlinear = np.zeros((7, 3 * n))
-        self._read, self._read_integrators = np.zeros((3, len(self._gains))), np.zeros((9, len(self._gains)))
+        self._base, self._base_integrators = np.zeros((8, n)), np.zeros((9, n))
         self._offset: tuple[Array, Array, Array] | None = None
-        #: mean squared tension per unit gain of every axis of a base sensor that is judged, shape (S,)
-        self.read_square = np.zeros(len(self._gains))
+        #: mean squared tension per unit gain of every axis of a base sensor, shape (3 M,)
+        self.read_square = np.zeros(n)
         #: high-passed deflections and rates of the last chunk, (K, 3 M) each
         self.moved = np.zeros((0, n)), np.zeros((0, n))
+        #: displacement, rate and acceleration of the bases, the same, (K, 3 M) each
+        self.moved_bases: Motion = (np.zeros((0, n)),) * 3
         self._left: list[Array] = []
 
     def stiffness_matrices(self) -> tuple[Array, Array]:
@@ -246,7 +249,7 @@ class ForceBalance:
         both = np.hstack([(data.support + follow * turned_wrench) @ self.inverse_mass.T, turned_wrench @ self.inverse_mass.T])
         if self.offsets:
             both = np.hstack([both, self._offset_columns(data.support)])
-        relative, base = data.relative.reshape(ticks, n), np.take(data.base.reshape(ticks, n), self._gains, axis=1)
+        relative, base = data.relative.reshape(ticks, n), data.base.reshape(ticks, n)
         if self._offset is None:
             self._offset = (relative.mean(axis=0), both.mean(axis=0), base.mean(axis=0))
         x, v, turn = self._integrate(relative - self._offset[0], data.frame_turn, dt)
@@ -269,9 +272,11 @@ class ForceBalance:
         accelerations[:, 6:12] = moved @ self.push.T - accelerations[:, 6:12]
         # where the CG lies moves the measured side too
         accelerations[:, 12:] *= -1.0
-        read = self._read_too_much(base - self._offset[2], dt)
+        self.moved_bases = base_x, base_v, _ = self._moved_bases(base - self._offset[2], dt)
+        read = base_x * self.law.stiffness.ravel() + base_v * self.law.damping.ravel()
         self.read_square += min(ticks * dt / _MEMORY, 1.0) * (np.mean(read**2, axis=0) - self.read_square)
-        stacked = self._averaged(np.hstack([accelerations, held, read, elastic, viscous, rest]), average)
+        body = [self._errors.body_motion(own, of_base) for own, of_base in ((x, base_x), (v, base_v))]
+        stacked = self._averaged(np.hstack([accelerations, held, *body, *self.moved_bases, elastic, viscous, rest]), average)
         return self._assemble(stacked, n, dt * average)
 
     def _offset_columns(self, support: Array) -> Array:
@@ -286,16 +291,13 @@ class ForceBalance:
             added.append(np.hstack([mass * (angular @ turn), -support[:, :3] @ turn]) @ self.inverse_mass.T)
         return np.hstack(added)
 
-    def _read_too_much(self, base: Array, dt: float) -> Array:
-        """Return the tension per unit gain of every axis of a base sensor that is judged, shape (K, S).
-
-        A base that reads ``1 + g`` times its motion is taken to have moved farther: the true deflection is larger by ``g`` times
-        its motion.
-        """
-        passed, x, v = np.empty_like(base), np.empty_like(base), np.empty_like(base)
-        high_pass_block(base, self.corner, dt, self._read, passed)
-        integrate_block(passed, self.corner, dt, self._read_integrators, x, v)
-        return x * self.law.stiffness.ravel()[self._gains] + v * self.law.damping.ravel()[self._gains]
+    def _moved_bases(self, base: Array, dt: float) -> Motion:
+        """Return displacement, rate and acceleration of the bases, shape (K, 3 M) each."""
+        passed, x, v, a = (np.empty_like(base) for _ in range(4))
+        high_pass_block(base, self.corner, dt, self._base[:3], passed)
+        integrate_block(passed, self.corner, dt, self._base_integrators, x, v)
+        high_pass_block(passed, self.corner, dt, self._base[3:], a)
+        return x, v, a
 
     def _integrate(self, relative: Array, frame_turn: Array, dt: float) -> tuple[Array, Array, Array]:
         """Return high-passed deflection, rate and rotation against the brackets, each (K, 3 M)."""
@@ -319,16 +321,17 @@ class ForceBalance:
 
     def _assemble(self, stacked: Array, n: int, step: float) -> BalanceChunk:
         measured, follow_column = stacked[:, :6], stacked[:, 6:12]
-        widths = [6 * len(self.offsets), len(self.turns), len(self._gains)]
-        placed, held, read, forces = np.split(stacked[:, 12:], np.cumsum(widths), axis=1)
+        widths = [6 * len(self.offsets), len(self.turns), 6, 6, n, n, n]
+        placed, held, *moved, forces = np.split(stacked[:, 12:], np.cumsum(widths), axis=1)
         elastic, viscous, rest = forces[:, :n], forces[:, n : 2 * n], forces[:, 2 * n :]
         modelled = (elastic + viscous + rest) @ self.push.T
         chosen = np.where(self._parameter_role == 0, elastic[:, self._parameter_axis], viscous[:, self._parameter_axis])
         count = len(self.free_parameters)
         offset = count + 1 + len(self.turns)
         last = offset + len(self.offsets)
-        columns = np.zeros((len(stacked), 6, last + len(self._gains)))
-        columns[:, :, last:] = read[:, None, :] * self.push[:, self._gains]
+        columns = np.zeros((len(stacked), 6, last + self._errors.count))
+        body, base = (moved[0], moved[1]), (moved[2], moved[3], moved[4])
+        columns[:, :, last:] = self._errors.columns(body, base, measured, self.push, self.law.stiffness, self.law.damping)
         columns[:, :, offset:last] = placed.reshape(len(stacked), len(self.offsets), 6).transpose(0, 2, 1)
         columns[:, :, :count] = chosen[:, None, :] * self.push[:, self._parameter_axis]
         columns[:, :, count] = follow_column

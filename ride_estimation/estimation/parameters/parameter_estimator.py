@@ -44,7 +44,8 @@ from ride_estimation.estimation.parameters.periodic_excitation import PeriodicEx
 from ride_estimation.estimation.parameters.refinement import Kept, Refinement
 from ride_estimation.estimation.parameters.suspect_axes import suspect_axes
 from ride_estimation.estimation.parameters.transducer_balance import transducers_suffice
-from ride_estimation.estimation.sensor_errors.installation_uncertainty import InstallationUncertainty
+from ride_estimation.estimation.sensor_errors.installed_errors import InstalledErrors
+from ride_estimation.estimation.sensor_errors.spurious_deformation import SpuriousDeformation
 from ride_estimation.frames import AXES
 from ride_estimation.sensors.installation import pooled
 
@@ -118,6 +119,7 @@ class ParameterEstimator:
         self._cg_std = np.zeros(3) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
         offsets = () if by_transducers else self._offset_axes()
         self._gains = BaseGains(geometry, not by_transducers)
+        self._errors = InstalledErrors(geometry, self._gains.places)
         #: whether the body carries something that its file does not know: where the CG lies is estimated
         self.loaded = False
         #: whether that was thought and proved wrong since the last change
@@ -125,12 +127,10 @@ class ParameterEstimator:
         #: offset of the CG that was beyond what the file lets expect the last time, shape (0,) before
         self._confirmed = np.zeros(0)
         corner = settings.parameter_corner_hz
-        model = (geometry, tilting, self.free_parameters, self._turns, offsets, self._gains.places, corner, by_transducers)
+        model = (geometry, tilting, self.free_parameters, self._turns, offsets, self._errors, corner, by_transducers)
         self._model = ParameterModel(*model)
         #: least standard deviation of a CG in accelerations: that of the positions of sensors [m]
         self._position_std = pooled([s.tolerated_installation for s in geometry.body_sensors]).position
-        #: standard deviation of what is considered, not estimated
-        self._considered_std = self._considered()
         variances = [b.noise_std**2 for b in geometry.base_sensors if b is not None]
         self._base_variance = float(np.mean(variances)) if variances else 0.0
         turns, bound = len(self._turns), math.log(_INERTIA_RATIO)
@@ -149,9 +149,9 @@ class ParameterEstimator:
         self.excited = False
         self.excited_time = 0.0
         self.stamp_ns = 0
-        self._installation: InstallationUncertainty | None = None
+        self._spurious: SpuriousDeformation | None = None
         if self._model.inertial is not None:
-            self._installation = InstallationUncertainty(geometry, self._model.inertial.corner)
+            self._spurious = SpuriousDeformation(geometry, self._errors, self._model.inertial.corner)
         self._amplitude = AmplitudeDependence(self._prior_std, self.count)
         self._filter: ParameterFilter | None = None
         self._review_model = ParameterModel(*model)
@@ -186,7 +186,7 @@ class ParameterEstimator:
         self._drop_batch()
 
     def _begin_interval(self) -> None:
-        self._interval = Interval(len(self.theta), len(self._considered_std), self.geometry.tolerated_cross_sensitivity)
+        self._interval = Interval(len(self.theta), self._considered_count, self.geometry.tolerated_cross_sensitivity)
         #: sums of squares of deflection and rate in it, shape (2, 3 M), and their ticks
         self._squares, self._square_ticks = np.zeros((2, 3 * len(self.geometry.mounts))), 0
 
@@ -196,7 +196,7 @@ class ParameterEstimator:
         common = np.zeros((len(theta), 2))
         common[: self.count] = roles[:, None] == (0, 1)
         common = common[:, common.any(axis=0)] / np.sqrt(max(self.count, 1))
-        return ParameterFilter(theta, self._prior_std, self._lower, self._upper, kept, common, len(self._considered_std))
+        return ParameterFilter(theta, self._prior_std, self._lower, self._upper, kept, common, self._considered_count)
 
     # -- results ----------------------------------------------------------------------------------------------------------
 
@@ -326,7 +326,6 @@ class ParameterEstimator:
         """Make the offsets of the CG parameters, which begin at zero, or something that is considered."""
         self.loaded, n = loaded, self.count + 1 + len(self._turns)
         free = np.ones(len(self._model.offsets) if loaded else 0)
-        self._considered_std = self._considered()
         self.theta = np.append(self.theta[:n], 0.0 * free)
         self._prior_std = np.append(self._prior_std[:n], _LOADED_CG / OFFSET_UNIT * free)
         self._lower = np.append(self._lower[:n], -_REACH / OFFSET_UNIT * free)
@@ -365,13 +364,17 @@ class ParameterEstimator:
         scaled = zip(self.free_parameters, self._amplitude.std.tolist())
         return {name: std for parameter, std in scaled for name, _, _ in self._scaled(parameter)}
 
-    def _considered(self) -> Array:
-        """Return the standard deviation of the position of the CG [``OFFSET_UNIT``], where that is not estimated, and of gains.
+    @property
+    def _considered_count(self) -> int:
+        placed = 0 if self.loaded else len(self._model.offsets)
+        return placed + (0 if self._model.inertial is None else self._errors.count)
 
-        That of gains is zero: their tolerance is part of what the installation leaves uncertain.
+    def _considered_std(self) -> Array:
+        """Return the standard deviation of the position of the CG [``OFFSET_UNIT``], where that is not estimated, and of the
+        errors of the sensors.
         """
         placed = np.zeros(0) if self.loaded else self._cg_std[list(self._model.offsets)] / OFFSET_UNIT
-        return np.append(placed, np.zeros(len(self._gains.places)))
+        return placed if self._model.inertial is None else np.append(placed, self._errors.std)
 
     def _suspect_axes(self) -> dict[int, str]:
         return suspect_axes(self.geometry, self.free_parameters, self._now(), self._before_change) | self._gains.suspects
@@ -453,14 +456,13 @@ class ParameterEstimator:
         self._blocks, self._pending_ticks = [], 0
         chunk = self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
         self._settled += len(joined.support) * dt
-        if self._installation is not None and self._model.inertial is not None:
+        if self._spurious is not None and self._model.inertial is not None:
             # what leaning sensors make of the start of the filters is ten times the motion and none of it
             if self._settled >= _SETTLE_DEFLECTION / self._model.balance.corner:
-                self._installation.observe(*self._model.inertial.moved, dt)
+                self._spurious.observe(self._model.inertial.moved, self._model.inertial.moved_bases, dt)
                 self._squares += [np.sum(signal**2, axis=0) for signal in self._model.inertial.moved]
                 self._square_ticks += len(joined.support)
-            vertical = joined.support[:, 2] / self.geometry.body.mass.value - self.geometry.vehicle.gravity
-            self._installation.weigh(joined.relative, vertical, dt)
+            self._errors.weigh(joined.relative, dt)
         return chunk
 
     def _take(self, chunk: BalanceChunk, covariance: Array, stamp_ns: int) -> bool:
@@ -582,8 +584,9 @@ class ParameterEstimator:
             own.hold(np.clip(own.theta, before - largest, before + largest))
             self._take_over(own)
             self._model.prepare(self.theta, step)
-        first, square = len(self._considered_std) - len(self._gains.places), self._model.balance.read_square
-        self._gains.judge(own.memory, self.theta, self._prior_std, first, square)
+        if self._gains.places:
+            first, square = self._considered_count - len(self._gains.places), self._model.balance.read_square
+            self._gains.judge(own.memory, self.theta, self._prior_std, first, square[list(self._gains.places)])
         self._count_rejected(own)
         if self._note_changes(own.changes - changes, known):
             self._drop_batch()
@@ -608,9 +611,9 @@ class ParameterEstimator:
         """Take over parameters, standard deviations and status from a filter."""
         self.theta, self.std = own.theta.copy(), own.std.copy()
         mine = slice(0, self.count)
-        moved = own.memory.sensitivity(self._prior_std)[mine] * self._considered_std
+        moved = own.memory.sensitivity(self._prior_std)[mine] * self._considered_std()
         considered = np.sqrt(self.std[mine] ** 2 + np.sum(moved**2, axis=1) + self._amplitude.std**2)
-        self.std[mine] = self._with_installation(np.minimum(considered, np.maximum(self._prior_std[mine], self.std[mine])))
+        self.std[mine] = self._with_spurious(np.minimum(considered, np.maximum(self._prior_std[mine], self.std[mine])))
         self.status.follow(
             self.std[mine], self._prior_std[mine], self.theta[mine], own.learned, self._lower[mine], self._upper[mine]
         )  # fmt: skip
@@ -622,24 +625,23 @@ class ParameterEstimator:
             self.rejected[reason] = self.rejected.get(reason, 0) + count
         own.rejected = {}
 
-    def _with_installation(self, std: Array) -> Array:
-        """Return standard deviations with what the mounting of the sensors leaves uncertain, at most those of the file."""
-        if self._installation is None:
+    def _with_spurious(self, std: Array) -> Array:
+        """Return standard deviations with what deformation that the sensors make up leaves open, at most those of the file."""
+        if self._spurious is None:
             return std
-        law = self._model.law
-        installation = self._installation.std(law.stiffness, law.damping, self._model.spread(self._prior_std[: self.count], 0.0))
-        added = np.array([installation[s.role, s.mount, s.axis] for s in self.free_parameters])
+        left = self._spurious.std(self._model.spread(self._prior_std[: self.count], 0.0))
+        added = np.array([left[s.role, s.mount, s.axis] for s in self.free_parameters])
         return np.asarray(np.minimum(np.hypot(std, added), np.maximum(self._prior_std[: self.count], std)))
 
     # -- persistence ------------------------------------------------------------------------------------------------------
 
     def snapshot(self) -> dict[str, Any]:
         """Return what was learned; the filters of the signals start again. Costs little, arrays are shared."""
-        empty = IntervalMemory(len(self.theta), len(self._considered_std))
+        empty = IntervalMemory(len(self.theta), self._considered_count)
         memory = (empty if self._filter is None else self._filter.memory).snapshot()
         return {
             "theta": self.theta, "std": self.std,
-            "installation": None if self._installation is None else self._installation.save(),
+            "errors": self._errors.save(), "spurious": None if self._spurious is None else self._spurious.save(),
             "stamp_ns": self.stamp_ns, "excited_time": self.excited_time,
             "p": None if self._filter is None else self._filter.covariance, "memory": memory,
             "amplitude": self._amplitude.snapshot(), "status": self.status.save(),
@@ -659,8 +661,9 @@ class ParameterEstimator:
             self._estimate_cg(not self.loaded)
         self.theta = np.array(saved["theta"], dtype=float)
         self.std = np.array(saved["std"], dtype=float)
-        if self._installation is not None:
-            self._installation.load(saved["installation"])
+        self._errors.load(saved["errors"])
+        if self._spurious is not None:
+            self._spurious.load(saved["spurious"])
         self.stamp_ns, self.excited_time = int(saved["stamp_ns"]), float(saved["excited_time"])
         self.changes = int(saved["changes"])
         self._confirmed = np.array(saved["confirmed"], dtype=float)

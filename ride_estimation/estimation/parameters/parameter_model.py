@@ -19,6 +19,7 @@ from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.parameters.force_balance import OFFSET_UNIT, ForceBalance
 from ride_estimation.estimation.parameters.response import ModelResponse
 from ride_estimation.estimation.parameters.transducer_balance import MeasuredResponse, TransducerBalance
+from ride_estimation.estimation.sensor_errors.installed_errors import InstalledErrors
 
 Array = NDArray[np.float64]
 
@@ -36,8 +37,8 @@ class ParameterModel:
         Axes (0 to 2) about which the inertia is estimated, R of them.
     offsets
         Axes (0 to 2) along which the CG may lie off its place in the file, O of them.
-    gains
-        Axes of base sensors that may read too much or too little, S of them, see :class:`ForceBalance`.
+    errors
+        Of the sensors, see :class:`ForceBalance`.
     corner_hz
         Corner of the high-pass of the balance [Hz].
     by_transducers
@@ -46,7 +47,7 @@ class ParameterModel:
 
     def __init__(
         self, geometry: Geometry, tilting: BracketTilt, free_parameters: tuple[FreeParameter, ...], turns: tuple[int, ...],
-        offsets: tuple[int, ...], gains: tuple[int, ...], corner_hz: float, by_transducers: bool,
+        offsets: tuple[int, ...], errors: InstalledErrors, corner_hz: float, by_transducers: bool,
     ) -> None:  # fmt: skip
         self.geometry, self.free_parameters, self.turns, self.offsets = geometry, free_parameters, turns, offsets
         self.law = MountLaw(geometry)
@@ -59,7 +60,7 @@ class ParameterModel:
             self.response = MeasuredResponse()
         else:
             self.balance = self.inertial = ForceBalance(
-                geometry, tilting, free_parameters, self.law, corner_hz, turns, offsets, gains
+                geometry, tilting, free_parameters, self.law, corner_hz, errors, turns, offsets
             )
             self.response = ModelResponse(self.inertial, geometry.vehicle.gravity)
         #: of the CG from its place in the file [m]
