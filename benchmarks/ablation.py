@@ -110,7 +110,6 @@ def _mechanisms() -> dict[str, Mechanism]:
 
     zero6 = np.zeros((6, 6))
     no_frame_turn = lambda self, base, told, dt: (np.zeros((len(base), 3)), np.zeros((len(base), 3)))  # noqa: E731
-    no_std = lambda self, stiffness, damping, prior: np.zeros_like(prior)  # noqa: E731
     return {
         "nothing": Mechanism("numerical_guard", "NUMERICAL_FAULT", NUMERICAL_FAULT, ""),
         # motion of the body
@@ -208,8 +207,16 @@ def _mechanisms() -> dict[str, Mechanism]:
         ),
         # parameters
         "installation errors in parameters": Mechanism(
-            "sensor_errors.installation_uncertainty", "InstallationUncertainty.std", no_std,
-            "angles and gains of sensors in the std of k and c",
+            "sensor_errors.installed_errors", "InstalledErrors.std", property(lambda self: np.zeros(self.count)),
+            "errors of the sensors in the std of k and c",
+        ),
+        "spurious deformation": Mechanism(
+            "sensor_errors.spurious_deformation", "SpuriousDeformation.std", lambda self, prior: np.zeros_like(prior),
+            "a split of stiffness that only noise and errors of the bases show",
+        ),
+        "lean of the bases": Mechanism(
+            "sensor_errors.lean", "LeanOfBases.levelled", lambda self, base, lean: base,
+            "what leaning base sensors take of the vertical motion",
         ),
         "amplitude dependence": Mechanism(
             "parameters.amplitude", "AmplitudeDependence.std", property(lambda self: np.zeros(self._free_parameters)),

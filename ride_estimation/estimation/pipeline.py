@@ -431,7 +431,8 @@ class Pipeline:
         base, base_ok = self._layout.bases(block, count)
         spoke, measured = np.asarray(base_ok.all(axis=1)), base_ok & motion.valid[:, None]
         self._forces.bases_measured(bool(measured.all()))
-        base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
+        base, base_ok = self._fill.fill(self._deflection.levelled(base), base_ok, ticks * dt)
+        self._parameters.errors.lean = self._deflection.lean
         self._deflection.forget_bias(self._fill.returned)
         if self._checks.bases_inconsistent:
             self._fill.suspect()

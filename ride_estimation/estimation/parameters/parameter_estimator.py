@@ -119,7 +119,8 @@ class ParameterEstimator:
         self._cg_std = np.zeros(3) if body.cg_std is None else np.asarray(body.cg_std, dtype=float)
         offsets = () if by_transducers else self._offset_axes()
         self._gains = BaseGains(geometry, not by_transducers)
-        self._errors = InstalledErrors(geometry, self._gains.places)
+        #: of the sensors, considered
+        self.errors = InstalledErrors(geometry, self._gains.places)
         #: whether the body carries something that its file does not know: where the CG lies is estimated
         self.loaded = False
         #: whether that was thought and proved wrong since the last change
@@ -127,7 +128,7 @@ class ParameterEstimator:
         #: offset of the CG that was beyond what the file lets expect the last time, shape (0,) before
         self._confirmed = np.zeros(0)
         corner = settings.parameter_corner_hz
-        model = (geometry, tilting, self.free_parameters, self._turns, offsets, self._errors, corner, by_transducers)
+        model = (geometry, tilting, self.free_parameters, self._turns, offsets, self.errors, corner, by_transducers)
         self._model = ParameterModel(*model)
         #: least standard deviation of a CG in accelerations: that of the positions of sensors [m]
         self._position_std = pooled([s.tolerated_installation for s in geometry.body_sensors]).position
@@ -151,7 +152,7 @@ class ParameterEstimator:
         self.stamp_ns = 0
         self._spurious: SpuriousDeformation | None = None
         if self._model.inertial is not None:
-            self._spurious = SpuriousDeformation(geometry, self._errors, self._model.inertial.corner)
+            self._spurious = SpuriousDeformation(geometry, self.errors, self._model.inertial.corner)
         self._amplitude = AmplitudeDependence(self._prior_std, self.count)
         self._filter: ParameterFilter | None = None
         self._review_model = ParameterModel(*model)
@@ -367,14 +368,14 @@ class ParameterEstimator:
     @property
     def _considered_count(self) -> int:
         placed = 0 if self.loaded else len(self._model.offsets)
-        return placed + (0 if self._model.inertial is None else self._errors.count)
+        return placed + (0 if self._model.inertial is None else self.errors.count)
 
     def _considered_std(self) -> Array:
         """Return the standard deviation of the position of the CG [``OFFSET_UNIT``], where that is not estimated, and of the
         errors of the sensors.
         """
         placed = np.zeros(0) if self.loaded else self._cg_std[list(self._model.offsets)] / OFFSET_UNIT
-        return placed if self._model.inertial is None else np.append(placed, self._errors.std)
+        return placed if self._model.inertial is None else np.append(placed, self.errors.std)
 
     def _suspect_axes(self) -> dict[int, str]:
         return suspect_axes(self.geometry, self.free_parameters, self._now(), self._before_change) | self._gains.suspects
@@ -456,13 +457,12 @@ class ParameterEstimator:
         self._blocks, self._pending_ticks = [], 0
         chunk = self._model.balance.observe(joined, self._model.static_force(), self.follow, dt)
         self._settled += len(joined.support) * dt
-        if self._spurious is not None and self._model.inertial is not None:
-            # what leaning sensors make of the start of the filters is ten times the motion and none of it
-            if self._settled >= _SETTLE_DEFLECTION / self._model.balance.corner:
-                self._spurious.observe(self._model.inertial.moved, self._model.inertial.moved_bases, dt)
-                self._squares += [np.sum(signal**2, axis=0) for signal in self._model.inertial.moved]
-                self._square_ticks += len(joined.support)
-            self._errors.weigh(joined.relative, dt)
+        own, settled = self._model.inertial, self._settled >= _SETTLE_DEFLECTION / self._model.balance.corner
+        # what leaning sensors make of the start of the filters is ten times the motion and none of it
+        if self._spurious is not None and own is not None and settled:
+            self._spurious.observe(own.moved, own.moved_bases, dt)
+            self._squares += [np.sum(signal**2, axis=0) for signal in own.moved]
+            self._square_ticks += len(joined.support)
         return chunk
 
     def _take(self, chunk: BalanceChunk, covariance: Array, stamp_ns: int) -> bool:
@@ -641,7 +641,7 @@ class ParameterEstimator:
         memory = (empty if self._filter is None else self._filter.memory).snapshot()
         return {
             "theta": self.theta, "std": self.std,
-            "errors": self._errors.save(), "spurious": None if self._spurious is None else self._spurious.save(),
+            "spurious": None if self._spurious is None else self._spurious.save(),
             "stamp_ns": self.stamp_ns, "excited_time": self.excited_time,
             "p": None if self._filter is None else self._filter.covariance, "memory": memory,
             "amplitude": self._amplitude.snapshot(), "status": self.status.save(),
@@ -661,7 +661,6 @@ class ParameterEstimator:
             self._estimate_cg(not self.loaded)
         self.theta = np.array(saved["theta"], dtype=float)
         self.std = np.array(saved["std"], dtype=float)
-        self._errors.load(saved["errors"])
         if self._spurious is not None:
             self._spurious.load(saved["spurious"])
         self.stamp_ns, self.excited_time = int(saved["stamp_ns"]), float(saved["excited_time"])

@@ -1,28 +1,23 @@
 # Copyright 2026 ride_estimation contributors
 """Errors of installed accelerometers as columns of the force balance.
 
-A sensor whose gains are off by g, whose axes are turned by epsilon, that lies p beside its place and is late by tau reads
-``a + (diag(g) + [epsilon]x) a + alpha x p - tau a'``. At a base that hides a deflection, the same of the base's motion, which the
-mount turns into a force. What all sensors of the body have in common moves the measured body by ``D z``, ``D = H^+ E H`` with H
-the readings of a rigid body and E what the error makes of them; the body that is late as a whole is bases that are early. No error
-is estimated here; all are considered (Schmidt, in Jazwinski, Stochastic Processes and Filtering Theory, 8.4): what of a run looks
-like them decides how uncertain they leave stiffness and damping.
-
-A base sensor that leans reads ``epsilon g`` all the time, and so does one with a bias b. Of a mean reading ``r g`` beyond what all
-have in common the share ``w = s^2 / (s^2 + (b / g)^2)`` is lean, with the standard deviation ``s sqrt(1 - w)``.
+A sensor whose gains are off by g, whose axes are turned by epsilon, that lies p beside its place and is late by tau reads ``a
++ (diag(g) + [epsilon]x) a + alpha x p - tau a'``. At a base that hides a deflection, the same of the base's motion, which the
+mount turns into a force. What all sensors of the body have in common moves the measured body by ``D z``, ``D = H^+ E H`` with
+H the readings of a rigid body and E what the error makes of them; the body that is late as a whole is bases that are early.
+No error is estimated here; all are considered (Schmidt, in Jazwinski, Stochastic Processes and Filtering Theory, 8.4): what
+of a run looks like them decides how uncertain they leave stiffness and damping.
 """
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.geometry import Geometry
-from ride_estimation.estimation.common.saved_state import fields_of, take_fields
+from ride_estimation.estimation.sensor_errors.lean import LeanOfBases
 from ride_estimation.frames import skew
-from ride_estimation.sensors.installation import Installation, pooled
+from ride_estimation.sensors.installation import pooled
 
 Array = NDArray[np.float64]
 
@@ -32,8 +27,6 @@ _AXES = np.eye(3)
 _TURNS = [np.hstack([skew(axis), np.zeros((3, 3))]) for axis in _AXES]
 _GAINS = [np.hstack([np.diag(axis), np.zeros((3, 3))]) for axis in _AXES]
 _PLACES = [np.hstack([np.zeros((3, 3)), -skew(axis)]) for axis in _AXES]
-#: attributes that are part of a saved state
-_SAVED = ("_relative", "_weighed")
 #: motion of body or bases: displacement, rate and acceleration, shape (K, 6) or (K, 3 M) each
 Motion = tuple[Array, Array, Array]
 
@@ -79,8 +72,8 @@ class InstalledErrors:
         self._pattern *= geometry.base_observable[self.mount][:, :, None]
         self._late = np.flatnonzero(self._pattern[:, :, 6:].any(axis=(1, 2)))
         self.count = len(self._moved) + 1 + len(self.mount)
-        #: sum of the relative accelerations along x and y, shape (M, 2) [m s / s^2], and their time [s]
-        self._relative, self._weighed = np.zeros((len(geometry.mounts), 2)), 0.0
+        #: how far the base sensors lean
+        self.lean = LeanOfBases(geometry).stated
 
     def body_motion(self, deflection: Array, base: Array) -> Array:
         """Return the motion of the body, (K, 6), of deflections and motions of the bases, (K, 3 M) each."""
@@ -108,9 +101,9 @@ class InstalledErrors:
         hidden, pushed = np.zeros((len(self.mount), len(measured), 6)), push.reshape(6, -1, 3).transpose(1, 0, 2)[self.mount]
         for role, law in enumerate((stiffness, damping)):
             maps = (push * law.ravel()) @ self._geometry.wrench.T @ self._moved
-            found[:, :, :own] += np.einsum("kz,erz->kre", body[role], maps)
+            found[:, :, :own] -= np.einsum("kz,erz->kre", body[role], maps)
             hidden += np.matmul(pushed * law[self.mount, None], self.hidden(base, role)).transpose(0, 2, 1)
-        found[:, :, :own] -= np.einsum("kz,erz->kre", measured, self._moved)
+        found[:, :, :own] += np.einsum("kz,erz->kre", measured, self._moved)
         found[:, :, own] = -hidden[self._late].sum(axis=0)
         found[:, :, own + 1 :] = hidden.transpose(1, 2, 0)
         return found
@@ -122,56 +115,19 @@ class InstalledErrors:
         at = np.concatenate([moved, turned, faster], axis=2)[:, self.mount]
         return np.asarray(np.matmul(self._pattern, at.transpose(1, 2, 0)))
 
-    def weigh(self, relative: Array, dt: float) -> None:
-        """Add accelerations of the body against the bases, (K, M, 3) [m/s^2], at ticks of ``dt`` [s]."""
-        self._relative += dt * relative[:, :, :2].sum(axis=0)
-        self._weighed += len(relative) * dt
-
     @property
     def std(self) -> Array:
         """Return the standard deviation of every error, shape (E,)."""
         body = self._body
         # a lean along y is a rotation about x
-        turned = np.maximum(body.misalignment, np.sqrt(self._many) * np.append(np.abs(self._lean()[1][::-1]), 0.0))
+        turned = np.maximum(body.misalignment, np.sqrt(self._many) * np.append(np.abs(self.lean.common[::-1]), 0.0))
         own = np.append(turned, [body.gain] * 3 + [body.position] * 3 + [body.delay]) / np.sqrt(self._many)
         return np.append(own, self.std_of_bases)
 
     @property
     def std_of_bases(self) -> Array:
         """Return the standard deviation of every error of the bases, shape (B,)."""
-        gravity, found, lean = self._geometry.vehicle.gravity, [], self._lean()[0]
+        found: list[float] = []
         for i, own in self._bases.items():
-            angles = np.sqrt(lean_square(lean[i, ::-1], own, gravity)) if self._weighed else [own.misalignment] * 2
-            found += [*angles, own.misalignment, own.gain, *[own.position] * 3, own.delay]
+            found += [*self.lean.std[i, ::-1], own.misalignment, own.gain, *[own.position] * 3, own.delay]
         return np.array([*found, *(self._bases[place // 3].gain for place in self._judged)])
-
-    def _lean(self) -> tuple[Array, Array]:
-        """Return the mean horizontal readings of the bases beyond what all have in common, (M, 2), and that, (2,), over gravity."""
-        lean = self._relative / (max(self._weighed, 1e-9) * self._geometry.vehicle.gravity)
-        common = lean[list(self._bases)].mean(axis=0) if self._bases else np.zeros(2)
-        return lean - common, common
-
-    def save(self) -> dict[str, Any]:
-        """Return the sums as plain lists."""
-        return fields_of(self, _SAVED)
-
-    def load(self, saved: dict[str, Any]) -> None:
-        """Continue from :meth:`save`."""
-        take_fields(self, _SAVED, saved)
-
-
-def lean_square(lean: Array, installation: Installation, gravity: float) -> Array:
-    """Return the mean square of the angles by which a base sensor leans, shape of ``lean`` [rad^2].
-
-    Parameters
-    ----------
-    lean
-        Mean horizontal readings beyond what all have in common, share of gravity.
-    installation
-        Of the sensor.
-    gravity
-        [m/s^2].
-    """
-    whole = installation.offset(gravity)
-    share = (installation.misalignment * gravity / whole) ** 2 if whole else 0.0
-    return np.asarray((share * lean) ** 2 + installation.misalignment**2 * (1.0 - share))

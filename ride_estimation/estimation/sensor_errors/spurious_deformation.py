@@ -1,10 +1,10 @@
 # Copyright 2026 ride_estimation contributors
 """Which share of what looks like deformation of the base is made by noise and errors of its sensors.
 
-How the sum of the stiffnesses is split among the mounts follows from the deformation of the base only, often a few hundredths of a
-millimetre. Of that, noise and what installed sensors err by is a share lambda (mean squares): a split that is regressed on it is
-attenuated to ``1 - lambda`` of what it is (Fuller, Measurement Error Models, 1987, 1.1), so ``lambda`` times the standard deviation
-of the vehicle file stays open, however long the run.
+How the sum of the stiffnesses is split among the mounts follows from the deformation of the base only, often a few hundredths
+of a millimetre. Of that, noise and what installed sensors err by is a share lambda (mean squares): a split that is regressed
+on it is attenuated to ``1 - lambda`` of what it is (Fuller, Measurement Error Models, 1987, 1.1), so ``lambda`` times the
+standard deviation of the vehicle file stays open, however long the run.
 
 Of the vertical stiffnesses rigid motion determines six sums, those over ``k {1, x, y, x^2, x y, y^2}``: all there is with three
 or four mounts. Of five and more a split is left (two rows of three: by ``x^2 y``) that only the deformation shows.
@@ -78,9 +78,8 @@ class SpuriousDeformation:
         prior
             Standard deviations of the vehicle file, shape (2, M, 3).
         """
-        made_up = self._noisy.copy()
-        np.add.at(made_up, (slice(None), self._errors.mount), self._errors.std_of_bases[:, None] ** 2 * self._wrong)
-        seen, made_up = self._seen.mean(axis=1), made_up.mean(axis=1)
+        wrong = np.sum(self._errors.std_of_bases[:, None] ** 2 * self._wrong, axis=1) / max(self._count, 1)
+        seen, made_up = self._seen.mean(axis=1), self._noisy.mean(axis=1) + wrong
         # where nothing moved yet all is as uncertain as in the file
         share = np.divide(made_up, seen, out=np.ones_like(seen), where=made_up < seen)[:, None, :] * np.ones((2, self._count, 3))
         share[:, :, 2] *= self._open

@@ -1,0 +1,86 @@
+# Copyright 2026 ride_estimation contributors
+"""How far base sensors lean, by gravity.
+
+A base sensor that leans by epsilon reads ``epsilon g`` all the time, and takes ``epsilon z`` of the large vertical motion z
+for horizontal motion of its bracket. A bias b makes a constant reading too: of one of ``r g`` beyond what all have in common,
+known with the variance v, the share ``w = s^2 / (s^2 + (b^2 + v) / g^2)`` is lean, with the standard deviation ``s sqrt(1 -
+w)``, where s and b are what the installation states.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ride_estimation.estimation.common.geometry import Geometry
+
+Array = NDArray[np.float64]
+
+#: standard deviations of a constant reading from which it is that of a faulty sensor and nothing is removed
+_FAULT = 3.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Lean:
+    """Of M bases along x and y.
+
+    Attributes
+    ----------
+    angle
+        What the constant readings show, shape (M, 2) [rad].
+    std
+        Standard deviation of what is not removed with it, shape (M, 2) [rad].
+    common
+        What the bases lean together against the body, shape (2,) [rad].
+    """
+
+    angle: Array
+    std: Array
+    common: Array
+
+
+class LeanOfBases:
+    """Lean of the triaxial base sensors of a body.
+
+    Parameters
+    ----------
+    geometry
+        Body, mounts, sensors.
+    """
+
+    def __init__(self, geometry: Geometry) -> None:
+        own = {i: s.stated_installation for i, s in enumerate(geometry.base_sensors) if s is not None and s.triaxial}
+        self._at, self._gravity = list(own), geometry.vehicle.gravity
+        self._turned = np.array([o.misalignment for o in own.values()]).reshape(-1, 1) ** 2
+        self._biased = np.array([o.bias for o in own.values()]).reshape(-1, 1) ** 2
+        #: lean before anything was read
+        self.stated = Lean(np.zeros((len(geometry.mounts), 2)), np.zeros((len(geometry.mounts), 2)), np.zeros(2))
+        self.stated.std[self._at] = np.sqrt(self._turned)
+
+    def of(self, constant: Array, variance: Array) -> Lean:
+        """Return the lean that constant horizontal readings of the bases against the body show.
+
+        Parameters
+        ----------
+        constant, variance
+            Reading of every base less that of the body and its variance, shape (M, 2) [m/s^2], [(m/s^2)^2].
+        """
+        if not self._at:
+            return self.stated
+        reading = constant[self._at] / self._gravity
+        common = reading.mean(axis=0)
+        whole = self._turned + (self._biased + variance[self._at]) / self._gravity**2
+        share, shown = self._turned / np.maximum(whole, 1e-300), reading - common
+        angle, std = np.zeros_like(self.stated.std), np.zeros_like(self.stated.std)
+        fit = shown**2 < _FAULT**2 * whole
+        angle[self._at] = fit * share * shown
+        std[self._at] = np.sqrt((~fit * share * shown) ** 2 + self._turned * (1.0 - share))
+        return Lean(angle, std, common)
+
+    def levelled(self, base: Array, lean: Lean) -> Array:
+        """Return specific forces of the bases (K, M, 3) [m/s^2] without what a lean takes of their vertical motion."""
+        found = base.copy()
+        found[:, :, :2] -= lean.angle * (base[:, :, 2:] - self._gravity)
+        return found
