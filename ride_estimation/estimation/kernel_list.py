@@ -44,6 +44,6 @@ KERNELS: tuple[tuple[str, str], ...] = (
     ("estimation.parameters.balance_kernel:high_pass_block", "f2C f f f2C f2C"),
     ("estimation.parameters.balance_kernel:integrate_block", "f2C f f f2C f2C f2C"),
     ("estimation.parameters.balance_kernel:low_pass_block", "f2C f f f2C f2C"),
-    ("estimation.parameters.balance_kernel:response_block", "f2C f3C f2C f2C f2C f2C f2C f2C f2C f2F f2C f2C f2C f3C"),
+    ("estimation.parameters.balance_kernel:response_block", "f2C f3C f2C f2C f2C f2C f2C f2C f2C f2C f2C f2C f2C f3C"),
     ("signals.interpolation:interpolate_streams", "i1C f1C i2C i i f2C b2C"),
 )

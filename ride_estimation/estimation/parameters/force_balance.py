@@ -178,7 +178,7 @@ class ForceBalance:
         turn = np.eye(6)[:, [3 + a for a in self.turns]]
         #: acceleration per unit of what every parameter scales, (6, N + 1 + R + O + E)
         still = np.zeros((6, len(self.offsets) + self._errors.count))
-        self.direction = np.hstack([self.push[:, self._parameter_axis], np.zeros((6, 1)), turn, still])
+        self.direction = np.ascontiguousarray(np.hstack([self.push[:, self._parameter_axis], np.zeros((6, 1)), turn, still]))
 
     def _root(self, logs: Array) -> Array:
         root = np.ones(6)
