@@ -47,6 +47,7 @@ from ride_estimation.estimation.parameters.force_balance import BalanceInput
 from ride_estimation.estimation.parameters.identifiable import describe
 from ride_estimation.estimation.parameters.mass_reference import MassReference
 from ride_estimation.estimation.parameters.parameter_estimator import ParameterEstimator
+from ride_estimation.estimation.parameters.body_lean import BodyLean, Leaning
 from ride_estimation.estimation.parameters.static_travel import Load, StaticTravel
 from ride_estimation.frames import AXES
 from ride_estimation.sensors.streams import stream_specs
@@ -104,6 +105,9 @@ class Pipeline:
         self._travel = StaticTravel(a)
         #: what static travel says of a load that the file does not know
         self._load: Load | None = None
+        self._lean = BodyLean(a)
+        #: how the body leans where neither its sensors nor a load that was found explain it
+        self._leaning: Leaning | None = None
         self._factor = 1.0
         assembly = assemble(vehicle)
         preload = dict(zip(assembly.components, np.round(assembly.static_tension, 3).tolist(), strict=True))
@@ -230,6 +234,7 @@ class Pipeline:
         self._forces.restart()
         self._parameters.restart()
         self._travel.reset()
+        self._lean.reset()
         self._shown.restart()
         self._fill.restart()
         self._hints.reset()
@@ -474,6 +479,7 @@ class Pipeline:
         self._checks.follow_changes(p.changes)
         if complete:
             self._shown.observe(deflection.deflection.reshape(len(support), -1), dt)
+            self._lean.observe(self._deflection.lean, len(support) * dt)
             self._travel.observe(self._forces.missing / self._factor, deflection.rate[:, :, 2], len(support) * dt)
         if moved or self._run_time >= self._next_reference:
             self._next_reference = self._run_time + 1.0
@@ -498,12 +504,15 @@ class Pipeline:
         elif there is not p.loaded:
             # a sensor that contradicts the others moves the CG too
             p.take_load(there and self._motion.residual_test().passed)
-        reference.moved_cg = self._cg_offset() if p.loaded or self._load is not None else None
-        reference.possible_load = self._possible_load() if p.loaded and self._load is None else (0.0, 0.0)
+        found = p.loaded or self._load is not None
+        self._leaning = None if found or not self._motion.residual_test().passed else self._lean.found(self._law.stiffness)
+        reference.leaning = self._leaning
+        reference.moved_cg = self._cg_offset() if found else None
+        reference.possible_load = self._possible_load() if (p.loaded or self._leaning) and self._load is None else (0.0, 0.0)
 
     def _possible_load(self) -> tuple[float, float]:
         """Return share and standard deviation of a load that moves the CG to where it is, where travel does not decide."""
-        p, offset = self._parameters, self._parameters.seen_offset
+        p, offset = self._parameters, self._leaning.offset if self._leaning else self._parameters.seen_offset
         if not offset[:2].any():
             return 0.0, 0.0
         springs = [n for n, s in enumerate(p.free_parameters) if s.role == 0 and s.axis == 2]
@@ -521,12 +530,16 @@ class Pipeline:
         offset, std = self._parameters.cg_offset()
         if self._load is not None:
             offset[:2], std[:2] = self._load.offset[:2], self._load.offset_std[:2]
+        elif self._leaning is not None:
+            # at even odds it is a load
+            offset = offset + 0.5 * self._leaning.offset
+            std = np.sqrt(std**2 + 0.25 * self._leaning.offset**2 + 0.5 * self._leaning.std**2)
         return offset, std
 
     def _with_unnoticed_load(self, cg_std: Array) -> tuple[Array, float]:
         """Return the standard deviation of the CG, (3,), and the relative one of the mass, with a load that is not recognised."""
         # bodies with fewer than six degrees of freedom leave in the innovations what they do along the others
-        if not self.geometry.free.all() or self._load is not None:
+        if not self.geometry.free.all() or self._load is not None or self._leaning is not None:
             return cg_std, 0.0
         weight, offset, std = self._parameters.unnoticed_offset()
         if weight == 0.0 or not self._motion.residual_test().passed:
@@ -550,6 +563,8 @@ class Pipeline:
         a, self._forces.mass = self.geometry, self._loads.mass
         self._forces.mass_relative_std = math.hypot(relative, a.carried_mass_std / a.file_mass, unnoticed)
         self._forces.cg_offset, self._forces.loaded = cg_offset, self._parameters.loaded or self._load is not None
+        # a body that leans by a load carries part of its weight sideways
+        self._forces.leaning = np.zeros(2) if self._leaning is None else self._leaning.angle
         self._forces.follow, self._forces.load_share = self._parameters.follow, self._mass_reference.load_std
         self._forces.parameter_std = self._parameters.stds()
         self._forces.misread_variance = self._factor**2 * self._parameters.misread_variance
@@ -621,7 +636,7 @@ class Pipeline:
             "mounts": list(self.geometry.mount_names), "settings": dataclasses.asdict(self.settings),
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
             "parameters": self._parameters.save(), "anchor": self._mass_reference.save(), "run_time": self._run_time,
-            "travel": self._travel.save(), "tilt": self._tilting.save(), "carried": self._carried.save(),
+            "travel": self._travel.save(), "lean": self._lean.save(), "tilt": self._tilting.save(), "carried": self._carried.save(),
             "delays": self._late.save(), **self._checks.save(),
         }  # fmt: skip
 
@@ -649,6 +664,7 @@ class Pipeline:
         self._parameters.load(state["parameters"])
         self._mass_reference.load(state["anchor"])
         self._travel.load(state["travel"])
+        self._lean.load(state["lean"])
         self._run_time = float(state["run_time"])
         self._apply()
         self._forces.load(state["forces"])

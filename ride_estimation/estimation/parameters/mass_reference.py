@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ride_estimation.estimation.common.estimate import Estimate, Status
 from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.forces.free_parameters import FreeParameter
+from ride_estimation.estimation.parameters.body_lean import Leaning
 from ride_estimation.estimation.parameters.parameter_change import common_change
 from ride_estimation.estimation.parameters.static_travel import Load
 from ride_estimation.frames import AXES
@@ -122,6 +123,8 @@ class MassReference:
         self._load_first = 0.0
         #: where the CG lies off its place in the file and its standard deviation, shape (3,) each [m], None where it does not
         self.moved_cg: tuple[Array, Array] | None = None
+        #: how the body leans where that is not explained
+        self.leaning: Leaning | None = None
         #: share of the mass of the file that a load which moved the CG there has, where static travel does not decide, and its
         #: standard deviation
         self.possible_load = (0.0, 0.0)
@@ -227,6 +230,8 @@ class MassReference:
         """Return why nothing learned is called valid for a load that nobody knows, empty where nothing speaks for one."""
         if self.possible_load[1] == 0.0:
             return ""
+        if self.leaning is not None:
+            return "the body leans against its bases as with a payload"
         return "the CG is not where the vehicle file has it: a payload, whose mass is not observable, or a wrong CG"
 
     def notes(self) -> list[str]:
@@ -244,6 +249,14 @@ class MassReference:
                 place, spread = body.cg + self.moved_cg[0] * mass / added, np.abs(self.moved_cg[1] * mass / added)
                 words += ", at " + ", ".join(f"{a} {p:.2f} +- {s:.2f} m" for a, p, s in zip("xy", place, spread))
             return [words + "; mass, stiffness, damping and forces are stated for it"]
+        if self.leaning is not None:
+            about = ", ".join(f"{a} {np.degrees(v):+.1f}" for a, v in zip(AXES, self.leaning.angle))
+            off = ", ".join(f"{a} {1e3 * v:+.0f} +- {1e3 * s:.0f}" for a, v, s in zip("xy", self.leaning.offset, self.leaning.std))
+            return [
+                f"{body.name} leans against its mount bases (about {about} degrees), by more than its sensors may err. Cause: a payload "
+                f"(it would move the CG by {off} mm), a body that was not set level, or sensors turned together. Forces are stated for "
+                "both; weigh the body, or state how it stands with calibrate at standstill"
+            ]
         if self.moved_cg is None:
             return []
         where = ", ".join(f"{axis} {1e3 * v:+.0f} +- {1e3 * s:.0f} mm" for axis, v, s in zip(AXES, *self.moved_cg))

@@ -32,13 +32,14 @@ class Lean:
         What the constant readings show, shape (M, 2) [rad].
     std
         Standard deviation of what is not removed with it, shape (M, 2) [rad].
-    common
-        What the bases lean together against the body, shape (2,) [rad].
+    common, common_std
+        What the bases lean together against the body, and the standard deviation that sensors leave, shape (2,) [rad].
     """
 
     angle: Array
     std: Array
     common: Array
+    common_std: Array
 
 
 class LeanOfBases:
@@ -55,8 +56,11 @@ class LeanOfBases:
         self._at, self._gravity = list(own), geometry.vehicle.gravity
         self._turned = np.array([o.misalignment for o in own.values()]).reshape(-1, 1) ** 2
         self._biased = np.array([o.bias for o in own.values()]).reshape(-1, 1) ** 2
+        body = [s.stated_installation.offset(self._gravity) for s in geometry.body_sensors]
+        #: variance of the mean of the sensors of the body, over gravity
+        self._body = float(np.sum(np.square(body))) / max(len(body), 1) ** 2 / self._gravity**2
         #: lean before anything was read
-        self.stated = Lean(np.zeros((len(geometry.mounts), 2)), np.zeros((len(geometry.mounts), 2)), np.zeros(2))
+        self.stated = Lean(*np.zeros((2, len(geometry.mounts), 2)), *np.zeros((2, 2)))
         self.stated.std[self._at] = np.sqrt(self._turned)
 
     def of(self, constant: Array, variance: Array) -> Lean:
@@ -77,7 +81,7 @@ class LeanOfBases:
         fit = shown**2 < _FAULT**2 * whole
         angle[self._at] = fit * share * shown
         std[self._at] = np.sqrt((~fit * share * shown) ** 2 + self._turned * (1.0 - share))
-        return Lean(angle, std, common)
+        return Lean(angle, std, common, np.sqrt(self._body + np.mean(whole, axis=0) / len(self._at)))
 
     def levelled(self, base: Array, lean: Lean) -> Array:
         """Return specific forces of the bases (K, M, 3) [m/s^2] without what a lean takes of their vertical motion."""
