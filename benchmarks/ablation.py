@@ -214,9 +214,8 @@ def _mechanisms() -> dict[str, Mechanism]:
             "sensor_errors.spurious_deformation", "SpuriousDeformation.std", lambda self, prior: np.zeros_like(prior),
             "a split of stiffness that only noise and errors of the bases show",
         ),
-        "lean of the bases": Mechanism(
-            "sensor_errors.lean", "LeanOfBases.levelled", lambda self, base, lean: base,
-            "what leaning base sensors take of the vertical motion",
+        "lean of the body": Mechanism(
+            "parameters.body_lean", "BodyLean.found", returns(None), "a load that soft mounts show by how far the body leans"
         ),
         "amplitude dependence": Mechanism(
             "parameters.amplitude", "AmplitudeDependence.std", property(lambda self: np.zeros(self._free_parameters)),

@@ -43,11 +43,11 @@ from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.motion.motion_kernel import force_at
 from ride_estimation.estimation.numerical_guard import NUMERICAL_FAULT, NumericalGuard, fault_messages
 from ride_estimation.estimation.output import OutputBlock
+from ride_estimation.estimation.parameters.body_lean import BodyLean, Leaning
 from ride_estimation.estimation.parameters.force_balance import BalanceInput
 from ride_estimation.estimation.parameters.identifiable import describe
 from ride_estimation.estimation.parameters.mass_reference import MassReference
 from ride_estimation.estimation.parameters.parameter_estimator import ParameterEstimator
-from ride_estimation.estimation.parameters.body_lean import BodyLean, Leaning
 from ride_estimation.estimation.parameters.static_travel import Load, StaticTravel
 from ride_estimation.frames import AXES
 from ride_estimation.sensors.streams import stream_specs
@@ -319,7 +319,7 @@ class Pipeline:
         self._due = learn
         self._ticks, self._invalid_ticks = self._ticks + ticks, self._invalid_ticks + lost
         self._stamp = int(block.start_ns + (ticks - 1) * block.step_ns)
-        anomalies = not complete, self._forces.loaded
+        anomalies = not complete, self._loaded
         read = [{name: part[:, own] for name, own in layout.own_columns} for part in (measured, predicted)]
         found = motion, (accel, accel_covariance), support, self._loads, forces
         return OutputBlock.of(block.stamps_ns, *found, read, anomalies, tuple(self._sensors[i].name for i in silenced))
@@ -436,7 +436,7 @@ class Pipeline:
         base, base_ok = self._layout.bases(block, count)
         spoke, measured = np.asarray(base_ok.all(axis=1)), base_ok & motion.valid[:, None]
         self._forces.bases_measured(bool(measured.all()))
-        base, base_ok = self._fill.fill(self._deflection.levelled(base), base_ok, ticks * dt)
+        base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
         self._parameters.errors.lean = self._deflection.lean
         self._deflection.forget_bias(self._fill.returned)
         if self._checks.bases_inconsistent:
@@ -479,7 +479,7 @@ class Pipeline:
         self._checks.follow_changes(p.changes)
         if complete:
             self._shown.observe(deflection.deflection.reshape(len(support), -1), dt)
-            self._lean.observe(self._deflection.lean, len(support) * dt)
+            self._lean.observe(p.errors.lean, len(support) * dt)
             self._travel.observe(self._forces.missing / self._factor, deflection.rate[:, :, 2], len(support) * dt)
         if moved or self._run_time >= self._next_reference:
             self._next_reference = self._run_time + 1.0
@@ -504,11 +504,18 @@ class Pipeline:
         elif there is not p.loaded:
             # a sensor that contradicts the others moves the CG too
             p.take_load(there and self._motion.residual_test().passed)
-        found = p.loaded or self._load is not None
-        self._leaning = None if found or not self._motion.residual_test().passed else self._lean.found(self._law.stiffness)
+        found = self._loaded
+        # a faulty sensor of the body leans it too
+        faulty = self._motion.contradicting(_CONTRADICTION**2)
+        self._leaning = None if found or faulty else self._lean.found(self._law.stiffness)
         reference.leaning = self._leaning
         reference.moved_cg = self._cg_offset() if found else None
         reference.possible_load = self._possible_load() if (p.loaded or self._leaning) and self._load is None else (0.0, 0.0)
+
+    @property
+    def _loaded(self) -> bool:
+        """Whether the body carries a load that its file does not know."""
+        return self._parameters.loaded or self._load is not None
 
     def _possible_load(self) -> tuple[float, float]:
         """Return share and standard deviation of a load that moves the CG to where it is, where travel does not decide."""
@@ -562,9 +569,8 @@ class Pipeline:
         self._law.scale(self._parameters.multipliers() * self._factor)
         a, self._forces.mass = self.geometry, self._loads.mass
         self._forces.mass_relative_std = math.hypot(relative, a.carried_mass_std / a.file_mass, unnoticed)
-        self._forces.cg_offset, self._forces.loaded = cg_offset, self._parameters.loaded or self._load is not None
-        # a body that leans by a load carries part of its weight sideways
-        self._forces.leaning = np.zeros(2) if self._leaning is None else self._leaning.angle
+        self._forces.cg_offset, self._forces.loaded = cg_offset, self._loaded or self._leaning is not None
+        self._forces.doubtful_load = self._leaning is not None
         self._forces.follow, self._forces.load_share = self._parameters.follow, self._mass_reference.load_std
         self._forces.parameter_std = self._parameters.stds()
         self._forces.misread_variance = self._factor**2 * self._parameters.misread_variance
@@ -636,8 +642,8 @@ class Pipeline:
             "mounts": list(self.geometry.mount_names), "settings": dataclasses.asdict(self.settings),
             "motion": self._motion.save(), "deflection": self._deflection.save(), "forces": self._forces.save(),
             "parameters": self._parameters.save(), "anchor": self._mass_reference.save(), "run_time": self._run_time,
-            "travel": self._travel.save(), "lean": self._lean.save(), "tilt": self._tilting.save(), "carried": self._carried.save(),
-            "delays": self._late.save(), **self._checks.save(),
+            "travel": self._travel.save(), "lean": self._lean.save(), "tilt": self._tilting.save(),
+            "carried": self._carried.save(), "delays": self._late.save(), **self._checks.save(),
         }  # fmt: skip
 
     def load_state(self, state: dict[str, Any]) -> None:

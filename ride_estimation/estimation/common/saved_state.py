@@ -71,7 +71,7 @@ _NAME = "ride_estimation/estimator_state/"
 #: 10: loads by static travel and by the place of the CG, 11: parameters before a sudden change,
 #: 12: moments of the tilt of brackets in a steeper band, 13: gains of base sensors, 14: names of keys,
 #: 15: delays that were found, 16: where a load moved the CG
-STATE_SCHEMA = f"{_NAME}16"
+STATE_SCHEMA = f"{_NAME}17"
 
 
 def check_state(state: Mapping[str, Any], sensors: Sequence[Sensor], mount_names: Sequence[str]) -> None:

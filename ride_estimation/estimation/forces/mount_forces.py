@@ -181,8 +181,8 @@ class MountForceEstimator:
         self.loaded = False
         #: covariance of a constant error of the wrench (bias of sensors), which no filter sees, (6, 6)
         self.constant_load = np.zeros((6, 6))
-        #: rotation of the body about x and y that may be one by a load, shape (2,) [rad]
-        self.leaning = np.zeros(2)
+        #: whether there is one at even odds only, and mass and CG are halfway to it
+        self.doubtful_load = False
         #: share of the mass that may have come on as a load since the vehicle file was written, standard deviation
         self.load_share = 0.0
         #: angular rate of the body and the variance of its components, shape (3,) each
@@ -460,8 +460,10 @@ class MountForceEstimator:
         # what is slower than any deflection is shared by a stiffness that is not known exactly
         slow = self.parameter_std[0].ravel() * (self._gain_slow @ self._slow)
         left += (np.eye(3 * count) - self._gain_slow[:, self._free] @ g) ** 2 @ slow**2
+        if self.doubtful_load:
+            left += self._strain.ravel() ** 2
         determined = np.einsum("ij,jk,ik->i", gain, load, gain)
-        constant = self.constant_load + self._placed_load() + self._sideways()
+        constant = self.constant_load + self._placed_load()
         determined = determined + np.einsum("ij,jk,ik->i", self._gain_slow, constant, self._gain_slow)
         determined = determined + self.mass_relative_std**2 * (self.static_force**2 + self._dynamic_square).ravel()
         self._std = np.sqrt(np.stack([left + determined, determined, left])).reshape(3, count, 3)
@@ -474,11 +476,6 @@ class MountForceEstimator:
         span = np.ptp(self.geometry.arms[:, :2], axis=0) if self._count else np.zeros(2)
         weight = self.load_share * self.mass * self.geometry.vehicle.gravity
         return np.asarray(np.diag([0.0, 0.0, 0.0, *(weight**2 * span[::-1] ** 2 / 12.0), 0.0]))
-
-    def _sideways(self) -> Array:
-        """Return the covariance of the weight along x and y of a body that leans by a load at even odds, as wrench (6, 6)."""
-        sideways = self.mass * self.geometry.vehicle.gravity * self.leaning[::-1]
-        return np.asarray(np.diag([*(0.5 * sideways**2), 0.0, 0.0, 0.0, 0.0]))
 
     def _static_variance(self) -> Array:
         """Return the variance of the static forces that equilibrium leaves, shape (3 M,)."""

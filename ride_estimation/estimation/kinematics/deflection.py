@@ -17,7 +17,7 @@ from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection_kernel import deflection_block
 from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.motion.slow_error import LastingAcceleration, with_slow_error
-from ride_estimation.estimation.sensor_errors.lean import LeanOfBases
+from ride_estimation.estimation.sensor_errors.lean import Lean, LeanOfBases
 from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
@@ -134,8 +134,6 @@ class DeflectionEstimator:
             self._transducer_variance[i, a] = variance
             self.has_transducer[i, a] = True
         self._bases = LeanOfBases(geometry)
-        #: how far the base sensors lean
-        self.lean = self._bases.stated
         #: whether the deflections of the last block began from rest because equilibrium contradicted them
         self.began_anew = False
         self.reset()
@@ -186,13 +184,10 @@ class DeflectionEstimator:
         for i in mounts:
             self._p[i, :, 2, 2] += _BIAS_STD**2
 
-    def levelled(self, base: Array) -> Array:
-        """Return specific forces of the brackets (K, M, 3) without what the lean of their sensors takes of the vertical motion.
-
-        The constant part of the relative acceleration shows the lean.
-        """
-        self.lean = self._bases.of(-self._state[2, :, :2], self._p[:, :2, 2, 2])
-        return self._bases.levelled(base, self.lean)
+    @property
+    def lean(self) -> Lean:
+        """Return how far the base sensors lean: the constant part of the relative acceleration shows it."""
+        return self._bases.of(-self._state[2, :, :2], self._p[:, :2, 2, 2])
 
     def observe(
         self,

@@ -1,10 +1,10 @@
 # Copyright 2026 ride_estimation contributors
 """A load that the vehicle file does not know, from how far it makes the body lean on its mounts.
 
-Where accelerometers are the only sensors, gravity shows how far the bases lean together against the body. A load that moves the CG
-by d turns it by ``theta = [(G K G^T)^-1 (d x m g)]``: soft mounts make a large angle of a load that innovations hardly show. A body
-that was not set level, or sensors that are turned together by more than they state, lean alike: with even odds between these the CG
-is off by ``d / 2 +- d / 2``, and so are the forces.
+Where accelerometers are the only sensors, gravity shows how far the bases lean together against the body. A load that moves
+the CG by d turns it by ``theta = [(G K G^T)^-1 (d x m g)]``: soft mounts make a large angle of a load that innovations hardly
+show. A body that was not set level, or sensors that are turned together by more than they state, lean alike: with even odds
+between these the CG is off by ``d / 2 +- d / 2``, and so are the forces.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from scipy import stats
 from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.common.saved_state import fields_of, take_fields
 from ride_estimation.estimation.sensor_errors.lean import Lean
+from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
 
@@ -49,6 +50,16 @@ class Leaning:
     angle: Array
     offset: Array
     std: Array
+
+    def in_words(self) -> str:
+        """Return what the person in the field should know."""
+        about = ", ".join(f"{a} {v:+.1f}" for a, v in zip(AXES, np.degrees(self.angle)))
+        off = ", ".join(f"{a} {v:+.0f} +- {s:.0f} mm" for a, v, s in zip(AXES, 1e3 * self.offset[:2], 1e3 * self.std[:2]))
+        return (
+            f"leans against its mount bases (degrees about {about}), more than its sensors may err. Cause: a payload, which "
+            f"would move the CG by {off}, a body that was not set level, or sensors turned together. Forces are stated for "
+            "either; weigh the body, and where it carries nothing calibrate at standstill"
+        )
 
 
 class BodyLean:

@@ -69,8 +69,9 @@ class BalanceChunk:
         The same from the mount law with the present multipliers, shape (K, 6).
     columns
         Derivative of ``modelled`` by the logarithm of every multiplier, then by the follow share, then by the logarithm of every
-        inverse principal inertia that is estimated, then by every offset of the CG [``OFFSET_UNIT``], then by every error of the
-        installed sensors, shape (K, 6, N + 1 + R + O + E).
+        inverse principal inertia that is estimated, then by every offset of the CG [``OFFSET_UNIT``], then by the
+        second order of the deflection along both horizontal axes of every mount, then by every error of the installed sensors,
+        shape (K, 6, N + 1 + R + O + 2 M + E).
     step
         Distance of the ticks [s].
     """
@@ -161,6 +162,8 @@ class ForceBalance:
                 self._linear[i, a] = element is None or isinstance(element, KelvinVoigt)
         self._variants = None if self._linear.all() else [MountLaw(geometry) for _ in range(3)]
         self.turns, self.offsets, self._errors = turns, offsets, errors
+        #: number of columns of the second order: both horizontal axes of every mount
+        self.turned_count = 2 * self._count
         self._file_inverse = inverse_mass(geometry)
         self._file_mass = np.linalg.pinv(self._file_inverse, hermitian=True)
         self._tilting = tilting
@@ -176,8 +179,8 @@ class ForceBalance:
         #: acceleration per unit tension of every mount axis, (6, 3 M)
         self.push = -self.inverse_mass @ self.geometry.wrench
         turn = np.eye(6)[:, [3 + a for a in self.turns]]
-        #: acceleration per unit of what every parameter scales, (6, N + 1 + R + O + E)
-        still = np.zeros((6, len(self.offsets) + self._errors.count))
+        #: acceleration per unit of what every parameter scales, (6, N + 1 + R + O + 2 M + E)
+        still = np.zeros((6, len(self.offsets) + self.turned_count + self._errors.count))
         self.direction = np.ascontiguousarray(np.hstack([self.push[:, self._parameter_axis], np.zeros((6, 1)), turn, still]))
 
     def _root(self, logs: Array) -> Array:
@@ -276,8 +279,8 @@ class ForceBalance:
         read = base_x * self.law.stiffness.ravel() + base_v * self.law.damping.ravel()
         self.read_square += min(ticks * dt / _MEMORY, 1.0) * (np.mean(read**2, axis=0) - self.read_square)
         body = [self._errors.body_motion(own, of_base) for own, of_base in ((x, base_x), (v, base_v))]
-        stacked = self._averaged(np.hstack([accelerations, held, *body, *self.moved_bases, elastic, viscous, rest]), average)
-        return self._assemble(stacked, n, dt * average)
+        signals = [accelerations, held, *body, *self.moved_bases, moved, elastic, viscous, rest]
+        return self._assemble(self._averaged(np.hstack(signals), average), n, dt * average)
 
     def _offset_columns(self, support: Array) -> Array:
         """Return by how much the measured acceleration rises per unit of every offset of the CG, shape (K, 6 O).
@@ -321,17 +324,20 @@ class ForceBalance:
 
     def _assemble(self, stacked: Array, n: int, step: float) -> BalanceChunk:
         measured, follow_column = stacked[:, :6], stacked[:, 6:12]
-        widths = [6 * len(self.offsets), len(self.turns), 6, 6, n, n, n]
-        placed, held, *moved, forces = np.split(stacked[:, 12:], np.cumsum(widths), axis=1)
+        widths = [6 * len(self.offsets), len(self.turns), 6, 6, n, n, n, n]
+        placed, held, *moved, turned, forces = np.split(stacked[:, 12:], np.cumsum(widths), axis=1)
         elastic, viscous, rest = forces[:, :n], forces[:, n : 2 * n], forces[:, 2 * n :]
         modelled = (elastic + viscous + rest) @ self.push.T
         chosen = np.where(self._parameter_role == 0, elastic[:, self._parameter_axis], viscous[:, self._parameter_axis])
         count = len(self.free_parameters)
         offset = count + 1 + len(self.turns)
         last = offset + len(self.offsets)
-        columns = np.zeros((len(stacked), 6, last + self._errors.count))
+        first = last + self.turned_count
+        columns = np.zeros((len(stacked), 6, first + self._errors.count))
+        horizontal = np.arange(n).reshape(-1, 3)[:, :2].ravel()
+        columns[:, :, last:first] = turned[:, None, horizontal] * self.push[:, horizontal]
         body, base = (moved[0], moved[1]), (moved[2], moved[3], moved[4])
-        columns[:, :, last:] = self._errors.columns(body, base, measured, self.push, self.law.stiffness, self.law.damping)
+        columns[:, :, first:] = self._errors.columns(body, base, measured, self.push, self.law.stiffness, self.law.damping)
         columns[:, :, offset:last] = placed.reshape(len(stacked), len(self.offsets), 6).transpose(0, 2, 1)
         columns[:, :, :count] = chosen[:, None, :] * self.push[:, self._parameter_axis]
         columns[:, :, count] = follow_column

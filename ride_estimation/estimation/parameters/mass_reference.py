@@ -250,13 +250,7 @@ class MassReference:
                 words += ", at " + ", ".join(f"{a} {p:.2f} +- {s:.2f} m" for a, p, s in zip("xy", place, spread))
             return [words + "; mass, stiffness, damping and forces are stated for it"]
         if self.leaning is not None:
-            about = ", ".join(f"{a} {np.degrees(v):+.1f}" for a, v in zip(AXES, self.leaning.angle))
-            off = ", ".join(f"{a} {1e3 * v:+.0f} +- {1e3 * s:.0f}" for a, v, s in zip("xy", self.leaning.offset, self.leaning.std))
-            return [
-                f"{body.name} leans against its mount bases (about {about} degrees), by more than its sensors may err. Cause: a payload "
-                f"(it would move the CG by {off} mm), a body that was not set level, or sensors turned together. Forces are stated for "
-                "both; weigh the body, or state how it stands with calibrate at standstill"
-            ]
+            return [f"{body.name} {self.leaning.in_words()}"]
         if self.moved_cg is None:
             return []
         where = ", ".join(f"{axis} {1e3 * v:+.0f} +- {1e3 * s:.0f} mm" for axis, v, s in zip(AXES, *self.moved_cg))
