@@ -570,7 +570,7 @@ class Pipeline:
         a, self._forces.mass = self.geometry, self._loads.mass
         self._forces.mass_relative_std = math.hypot(relative, a.carried_mass_std / a.file_mass, unnoticed)
         self._forces.cg_offset, self._forces.loaded = cg_offset, self._loaded or self._leaning is not None
-        self._forces.doubtful_load = self._leaning is not None
+        self._forces.even_odds = self._leaning is not None
         self._forces.follow, self._forces.load_share = self._parameters.follow, self._mass_reference.load_std
         self._forces.parameter_std = self._parameters.stds()
         self._forces.misread_variance = self._factor**2 * self._parameters.misread_variance

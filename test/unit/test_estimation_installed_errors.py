@@ -55,7 +55,7 @@ def balance(body: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     relative = at(body, GEOMETRY.arms) - base
     data = BalanceInput(body @ mass, relative, *[nothing] * 5, np.zeros((TICKS, 3)), base)
     chunk = own.observe(data, np.zeros((4, 3)), 1.0, DT)
-    return chunk.modelled - chunk.measured, chunk.columns[:, :, len(free) + 1 :]
+    return chunk.modelled - chunk.measured, chunk.columns[:, :, len(free) + 1 + own.turned_count :]
 
 
 def read_wrongly(kind: str, axis: int, accel: np.ndarray, jerk: np.ndarray, turning: np.ndarray) -> np.ndarray:
@@ -105,6 +105,22 @@ def test_a_column_is_what_an_error_that_all_sensors_of_the_body_have_moves(kind:
         # all bases early, and all a little later
         left += SMALL * np.gradient(true, 2.0 * DT, axis=0)
     assert np.linalg.norm(left[200:]) < 0.02 * np.linalg.norm((wrong[0] - true)[200:])
+
+
+def test_columns_of_the_second_order_are_what_it_makes_of_the_forces():
+    """Bodies that turn about z against the bases: what follows with the whole rotation and not with none."""
+    free, none = find_free_parameters(GEOMETRY, PipelineSettings()), np.zeros((TICKS, 4, 3))
+    moved, turn = 1e-3 * shaken(8, 12)[0].reshape(-1, 4, 3), none.copy()
+    turn[:, :, 2] = 1e-2 * shaken(9, 4)[0]
+    found = []
+    for follow in (0.0, 1.0):
+        tilt = types.SimpleNamespace(maps=np.zeros((4, 3, 12)))
+        own = ForceBalance(GEOMETRY, tilt, free, MountLaw(GEOMETRY), 0.4, InstalledErrors(GEOMETRY, ()))
+        data = BalanceInput(np.zeros((TICKS, 6)), none, moved, none, turn, none, none, np.zeros((TICKS, 3)), none)
+        found.append(own.observe(data, np.zeros((4, 3)), follow, DT))
+    columns = found[1].columns[:, :, len(free) + 1 :][:, :, : own.turned_count]
+    assert own.turned_count == 8 and np.all(np.std(columns[:, 0, 0::2], axis=0) > 0.0)
+    assert np.allclose(found[1].modelled - found[0].modelled, columns.sum(axis=2))
 
 
 def test_standard_deviations_are_those_of_the_installation_and_of_many_sensors():

@@ -243,7 +243,7 @@ def test_saved_state_continues_and_a_foreign_one_is_refused():
     with pytest.raises(InputDataError, match="saved state: sensors"):
         other.load_state(state)
     old = {k: v for k, v in state.items() if k != "gate"} | {"schema": "ride_estimation/estimator_state/1"}
-    with pytest.raises(InputDataError, match=r"estimator_state/1.*reads.*estimator_state/16.*another form"):
+    with pytest.raises(InputDataError, match=r"estimator_state/1.*reads.*estimator_state/17.*another form"):
         Pipeline(vehicle).load_state(old)
 
 

@@ -182,7 +182,7 @@ class MountForceEstimator:
         #: covariance of a constant error of the wrench (bias of sensors), which no filter sees, (6, 6)
         self.constant_load = np.zeros((6, 6))
         #: whether there is one at even odds only, and mass and CG are halfway to it
-        self.doubtful_load = False
+        self.even_odds = False
         #: share of the mass that may have come on as a load since the vehicle file was written, standard deviation
         self.load_share = 0.0
         #: angular rate of the body and the variance of its components, shape (3,) each
@@ -460,7 +460,7 @@ class MountForceEstimator:
         # what is slower than any deflection is shared by a stiffness that is not known exactly
         slow = self.parameter_std[0].ravel() * (self._gain_slow @ self._slow)
         left += (np.eye(3 * count) - self._gain_slow[:, self._free] @ g) ** 2 @ slow**2
-        if self.doubtful_load:
+        if self.even_odds:
             left += self._strain.ravel() ** 2
         determined = np.einsum("ij,jk,ik->i", gain, load, gain)
         constant = self.constant_load + self._placed_load()
