@@ -114,6 +114,17 @@ MUTATIONS = (
         "uncertain mass in the forces",
     ),
     Mutation(
+        "forces/mount_forces.py", "left += self._strain.ravel() ** 2", "pass", "a load at even odds in the forces",
+    ),
+    Mutation(
+        "sensor_errors/lean.py", "std[self._at] = np.sqrt((share * shown) ** 2 + self._turned * (1.0 - share))", "pass",
+        "turned base sensors in k and c",
+    ),
+    Mutation(
+        "sensor_errors/installed_errors.py", "found[:, :, own + 1 :] = hidden.transpose(1, 2, 0)", "pass",
+        "errors of the base sensors in k and c",
+    ),
+    Mutation(
         "forces/base_fill.py", "share = _UNKNOWN_SHARE * unknown", "share = 0.0 * unknown",
         "deflections where a base motion is a guess",
     ),

@@ -302,9 +302,11 @@ class Pipeline:
         complete = (whole or bool(block.valid[:, layout.needed].all())) and not (lost or verdict.suspects or verdict.unusual)
         before, predicted, usable = self._stamp, motion.predicted, complete and (whole or bool(there.all()))
         missing = self._forces.missing
+        # parameters are learned with the CG of the file as long as nothing but a lean speaks against it
+        carried = support if self._leaning is None else support + self._unmoved(motion)
 
         def learn() -> bool:
-            self._learn(motion, deflection, turn_rate, support, complete, before, dt)
+            self._learn(motion, deflection, turn_rate, carried, complete, before, dt)
             if usable:
                 self._hints.observe(support, missing, dt)
             else:
@@ -430,6 +432,11 @@ class Pipeline:
         elif verdict.spoiled:
             self._deflection.reset()
             self._forget()
+
+    def _unmoved(self, motion: MotionBlock) -> Array:
+        """Return by how much less the mounts carry without the CG that a lean lets expect, shape (K, 6)."""
+        own = dataclasses.replace(self._loads, cg_offset=self._parameters.cg_offset()[0])
+        return own.load(motion.motion, motion.rate) - self._loads.load(motion.motion, motion.rate)
 
     def _observe_deflection(self, block: Block, motion: MotionBlock, support: Array, dt: float) -> DeflectionBlock:
         ticks, count = len(block.values), len(self.geometry.mounts)
