@@ -123,6 +123,7 @@ def driven(monkeypatch: pytest.MonkeyPatch, leaning: Leaning | None, even_odds: 
         never = property(lambda self: False, lambda self, value: None)
         monkeypatch.setattr(type(pipeline._forces), "even_odds", never, raising=False)
     blocks = [block for stamp, name, values in arrivals(data) for block in pipeline.observe(name, stamp, values.tolist())]
+    pipeline.parameters()  # settles what is due, with this lean
     return pipeline, blocks[-1]
 
 
