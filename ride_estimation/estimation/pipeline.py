@@ -486,7 +486,8 @@ class Pipeline:
         self._checks.follow_changes(p.changes)
         if complete:
             self._shown.observe(deflection.deflection.reshape(len(support), -1), dt)
-            self._lean.observe(p.errors.lean, len(support) * dt)
+            ground = mean_of_ticks(deflection.base.reshape(len(support), -1)).reshape(-1, 3)
+            self._lean.observe(ground, mean_of_ticks(motion.motion[:, :3]), p.errors.lean.common_std, len(support) * dt)
             self._travel.observe(self._forces.missing / self._factor, deflection.rate[:, :, 2], len(support) * dt)
         if moved or self._run_time >= self._next_reference:
             self._next_reference = self._run_time + 1.0

@@ -3,8 +3,9 @@
 
 Where accelerometers are the only sensors, gravity shows how far the bases lean together against the body. A load that moves
 the CG by d turns it by ``theta = [(G K G^T)^-1 (d x m g)]``: soft mounts make a large angle of a load that innovations hardly
-show. A body that was not set level, or sensors that are turned together by more than they state, lean alike: with even odds
-between these the CG is off by ``d / 2 +- d / 2``, and so are the forces.
+show. A slope or a long bend leans it too, ``-(G K G^T)^-1 m f`` with the mean specific force f that the body reads: that is
+taken off. A body that was not set level, or sensors that are turned together by more than they state, lean alike: with even
+odds between these the CG is off by ``d / 2 +- d / 2``, and so are the forces.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from scipy import stats
 
 from ride_estimation.estimation.common.geometry import Geometry
 from ride_estimation.estimation.common.saved_state import fields_of, take_fields
-from ride_estimation.estimation.sensor_errors.lean import Lean
 from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
@@ -27,12 +27,10 @@ Array = NDArray[np.float64]
 _CERTAINLY, _STILL = 1.0 - 1e-3, 0.99
 #: time before anything is stated [s]
 _LEAST_TIME = 10.0
-#: memory [s]: bends and slopes of the road are shorter
+#: memory [s]
 _MEMORY = 120.0
-#: time over which a lean in a bend lasts [s]
-_LASTS = 10.0
 #: attributes that are part of a saved state
-_SAVED = ("_mean", "_square", "_time", "_leans")
+_SAVED = ("_mean", "_force", "_std", "_time", "_leans")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,7 +40,7 @@ class Leaning:
     Attributes
     ----------
     angle
-        About x and y against the bases, shape (2,) [rad].
+        About x and y against the bases, without what slope, bends and braking explain, shape (2,) [rad].
     offset, std
         Where a load that makes it lean so would move the CG, and its standard deviation, shape (3,) each [m].
     """
@@ -78,36 +76,48 @@ class BodyLean:
 
     def reset(self) -> None:
         """Forget everything."""
-        self._mean, self._square, self._time, self._leans = np.zeros(2), np.zeros(2), 0.0, False
+        self._mean, self._time, self._leans = np.zeros(2), 0.0, False
+        self._force = np.array([0.0, 0.0, self._geometry.vehicle.gravity])
         self._std = np.zeros(2)
 
-    def observe(self, lean: Lean, duration: float) -> None:
-        """Add what the bases lean now, for ``duration`` [s]."""
+    def observe(self, base: Array, force: Array, std: Array, duration: float) -> None:
+        """Add mean readings.
+
+        Parameters
+        ----------
+        base, force
+            Specific force of the bases, axes of the brackets, (M, 3), and of the body, (3,) [m/s^2].
+        std
+            Standard deviation of the lean along x and y that sensors leave, shape (2,) [rad].
+        duration
+            [s].
+        """
         self._time += duration
         share = max(duration / self._time, min(duration / _MEMORY, 1.0))
         # a lean along y is a rotation about -x
-        turned = np.array([-lean.common[1], lean.common[0]])
+        x, y, _ = (np.median(base, axis=0) - force) / self._geometry.vehicle.gravity
+        turned = np.array([-y, x])
         self._mean = self._mean + share * (turned - self._mean)
-        self._square = self._square + share * (turned**2 - self._square)
-        self._std = lean.common_std[::-1]
+        self._force = self._force + share * (force - self._force)
+        self._std = std[::-1]
 
     def found(self, stiffness: Array) -> Leaning | None:
         """Return how the body leans, None while its sensors explain it; ``stiffness`` of the mounts, shape (M, 3) [N/m]."""
         if not self._possible or self._time < _LEAST_TIME:
             return None
-        scatter = np.maximum(self._square - self._mean**2, 0.0) / max(min(self._time, _MEMORY) / _LASTS, 1.0)
-        variance = self._std**2 + scatter
+        g, gravity = self._geometry, self._geometry.vehicle.gravity
+        # rotations by a specific force along x, y and z, and by a CG off along x and y
+        moved = np.zeros((6, 5))
+        moved[:3, :3], moved[3, 4], moved[4, 3] = np.eye(3), gravity, -gravity
+        turned = -g.body.mass.value * np.linalg.solve((g.wrench * stiffness.ravel()) @ g.wrench.T, moved)[3:5]
+        angle = self._mean - turned[:, :3] @ (self._force - [0.0, 0.0, gravity])
         bound = stats.chi2.ppf(_STILL if self._leans else _CERTAINLY, 2)
-        self._leans = bool(np.sum(self._mean**2 / np.maximum(variance, 1e-300)) > bound)
+        self._leans = bool(np.sum(angle**2 / np.maximum(self._std**2, 1e-300)) > bound)
         if not self._leans:
             return None
-        wrench, weight = self._geometry.wrench, self._geometry.body.mass.value * self._geometry.vehicle.gravity
-        moments = np.zeros((6, 2))
-        moments[3, 1], moments[4, 0] = -weight, weight
-        turned = np.linalg.solve((wrench * stiffness.ravel()) @ wrench.T, moments)[3:5]
-        place = np.linalg.inv(turned)
-        spread = np.sqrt(place**2 @ variance)
-        return Leaning(self._mean, np.append(place @ self._mean, 0.0), np.append(spread, 0.0))
+        place = np.linalg.inv(turned[:, 3:])
+        spread = np.sqrt(place**2 @ self._std**2)
+        return Leaning(angle, np.append(place @ angle, 0.0), np.append(spread, 0.0))
 
     def save(self) -> dict[str, Any]:
         """Return the state as plain lists."""
