@@ -197,10 +197,6 @@ def _mechanisms() -> dict[str, Mechanism]:
         "widening without a base sensor (force)": Mechanism(
             "forces.base_fill", "BaseFill.widen_forces", given(0), "forces while a base sensor may be wrong"
         ),
-        "load that is not recognised": Mechanism(
-            "pipeline", "Pipeline._with_unnoticed_load", lambda self, cg_std: (cg_std, 0.0),
-            "forces where the CG is off by more than expected and less than proves a load",
-        ),
         "frame begins anew": Mechanism(
             "kinematics.frame_deformation", "FrameDeformation.undeform", returns(None),
             "what a wrong base sensor made of the deformation of the frame is forgotten when it is left out",

@@ -551,24 +551,12 @@ class Pipeline:
             std = np.sqrt(std**2 + 0.25 * self._leaning.offset**2 + 0.5 * self._leaning.std**2)
         return offset, std
 
-    def _with_unnoticed_load(self, cg_std: Array) -> tuple[Array, float]:
-        """Return the standard deviation of the CG, (3,), and the relative one of the mass, with a load that is not recognised."""
-        # bodies with fewer than six degrees of freedom leave in the innovations what they do along the others
-        if not self.geometry.free.all() or self._load is not None or self._leaning is not None:
-            return cg_std, 0.0
-        weight, offset, std = self._parameters.unnoticed_offset()
-        if weight == 0.0 or not self._motion.residual_test().passed:
-            return cg_std, 0.0
-        share = self.geometry.likely_load_share(offset)
-        return np.sqrt(cg_std**2 + weight * (offset**2 + std**2)), math.sqrt(0.5 * weight) * share
-
     def _apply(self) -> None:
         """Let mass and parameters reach loads and forces."""
         self._factor, relative = self._mass_reference.factor()
         body = self.geometry.body
         inertia, inertia_std = self._parameters.inertia()
         cg_offset, cg_std = self._cg_offset()
-        cg_std, unnoticed = self._with_unnoticed_load(cg_std)
         self._loads = InertialLoads(
             body.mass.value * self._factor, body.mass.value * self._factor * relative, inertia * self._factor, inertia_std,
             cg_std, cg_offset,
@@ -576,7 +564,7 @@ class Pipeline:
         self._loads_for_mass = dataclasses.replace(self._loads, mass_std=0.0)
         self._law.scale(self._parameters.multipliers() * self._factor)
         a, self._forces.mass = self.geometry, self._loads.mass
-        self._forces.mass_relative_std = math.hypot(relative, a.carried_mass_std / a.file_mass, unnoticed)
+        self._forces.mass_relative_std = math.hypot(relative, a.carried_mass_std / a.file_mass)
         self._forces.cg_offset, self._forces.loaded = cg_offset, self._loaded or self._leaning is not None
         self._forces.even_odds = self._leaning is not None
         self._forces.follow, self._forces.load_share = self._parameters.follow, self._mass_reference.load_std

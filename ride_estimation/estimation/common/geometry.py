@@ -94,10 +94,6 @@ class Geometry:
         """Return whether every mount has a triaxial accelerometer on its base."""
         return bool(self.mounts) and all(s is not None and s.triaxial for s in self.base_sensors)
 
-    def likely_load_share(self, offset: Array) -> float:
-        """Return the share of the mass that a load has halfway to the edge of the mounts where the CG is off by (3,) [m]."""
-        return min(1.5 * self.least_load_share(offset), 1.0)
-
     def least_load_share(self, offset: Array) -> float:
         """Return the share of the mass that a load between the mounts has at least where the CG is off by (3,) [m]."""
         distance, arms = float(np.linalg.norm(offset[:2])), self.arms[:, :2]

@@ -300,19 +300,6 @@ class ParameterEstimator:
         expected = np.diag((np.maximum(self._cg_std[axes], self._position_std) / OFFSET_UNIT) ** 2)
         return found, covariance, float(found @ np.linalg.solve(covariance + expected, found))
 
-    def unnoticed_offset(self) -> tuple[float, Array, Array]:
-        """Return with what weight, by how much and how uncertainly a load that nobody knows may move the CG, (3,) each [m].
-
-        File and noise let expect a mean square of one per axis; a load could have made what is beyond.
-        """
-        own, axes = self._filter, list(self._model.offsets)
-        offset, std = np.zeros(3), np.zeros(3)
-        if self.loaded or not axes or own is None or own.memory.length < _ENOUGH:
-            return 0.0, offset, std
-        found, covariance, beyond = self._shown_offset(own)
-        offset[axes], std[axes] = OFFSET_UNIT * found, OFFSET_UNIT * np.sqrt(np.diag(covariance))
-        return max(1.0 - len(axes) / max(beyond, 1e-9), 0.0), offset, std
-
     def take_load(self, there: bool) -> None:
         """Learn anew with a CG that may be wherever a load takes it, or with that of the file where there is no load."""
         if self.loaded is there or not self._model.offsets:
