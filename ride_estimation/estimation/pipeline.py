@@ -285,6 +285,8 @@ class Pipeline:
         measured = np.take(block.values, layout.body_columns, axis=1)
         gyro = np.take(block.values, layout.gyro_columns, axis=1)
         there = np.take(block.valid, layout.body_streams, axis=1)
+        if silenced:
+            self._fill.refused([i for i, stream, _, _ in layout.base if stream in silenced])
         self._motion.inconsistent = bool(verdict.suspects)
         motion = self._widened(self._motion.observe(measured, gyro, there, dt, layout.speed_of(block)), verdict, ticks * dt)
         self._rate, self._force = motion.rate[-1], mean_of_ticks(motion.motion[:, :3])

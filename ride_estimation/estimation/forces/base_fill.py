@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,7 +154,7 @@ class BaseFill:
                 self._excess[m] += duration / _SETTLES * (base[:, m] - estimate).mean(axis=0)
             filled[lost, m] = estimate[lost]
             filled_ok[lost, m] = True
-            self._unknown[m] = 1.0
+            self._unknown[m] = max(self._unknown[m], 1.0)
             # what it moves on its own is lost, what those do that stand for it is added
             self._blend[m] = 1.0 + np.sum(self._map(there)[:, m] ** 2, axis=1)
         for m in np.flatnonzero(self._made_up.any(axis=1)):
@@ -200,6 +201,10 @@ class BaseFill:
     def suspect(self) -> None:
         """Say that the base motion of any mount may be wrong."""
         self._unknown[:], self._wrong = _WRONG, 1.0
+
+    def refused(self, mounts: Sequence[int]) -> None:
+        """Say at which mounts a sensor is heard and refused now: what it read just before may be as wrong."""
+        self._unknown[list(mounts)] = _WRONG
 
     def spoil(self) -> None:
         """Say that the deformation of the frame began anew: what brackets moved on their own is lost at all of them."""
