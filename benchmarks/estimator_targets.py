@@ -322,7 +322,8 @@ def table(rows: dict[str, list], mass: dict[str, list], change: list[float]) -> 
             f"{np.median(scores):.1f} % ({np.percentile(scores, 95):.1f} %)",
         )
         line(f"force {axis} smoothed, inside 2 sigma", "92 to 98 %", f"{100 * np.mean(rows[f'later inside {axis}']):.1f} %")
-        line(f"force {axis} smoothed, std over error", "1 to 1.3", f"{np.median(rows[f'later {axis} std over error']):.1f}")
+        for path, name in (("live", "live"), ("later", "smoothed")):
+            line(f"force {axis} {name}, std over error", "1 to 1.3", f"{np.median(rows[f'{path} {axis} std over error']):.2f}")
     line("share of the model of the whole run", "-", f"{100 * np.mean(rows['model share']):.0f} %")
     worst = f"{100 * max(mass['anchored']):.2f} %"
     line("mass with known stiffness (file mass 15 % high, with and without the inertia), worst", "3 %", worst)
