@@ -116,6 +116,10 @@ def test_a_body_on_bases_without_sensors_shows_no_lean():
     sensors = {n: s for n, s in vehicle.sensors.items() if n != "chassis_front_left"}
     three = geometry_of(dataclasses.replace(vehicle, sensors=sensors))
     assert stood(np.array([0.1, 0.0]), geometry=three).found(STIFFNESS) is None
+    free = geometry_of(dataclasses.replace(vehicle, mounts={}))
+    body = BodyLean(free)
+    body.observe(np.zeros((0, 3)), LEVEL, STD, 30.0)
+    assert body.found(np.zeros((0, 3))) is None
 
 
 def driven(monkeypatch: pytest.MonkeyPatch, leaning: Leaning | None, even_odds: bool = True) -> tuple[Pipeline, OutputBlock]:

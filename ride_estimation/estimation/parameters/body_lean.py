@@ -93,6 +93,8 @@ class BodyLean:
         duration
             [s].
         """
+        if not self._possible:
+            return
         self._time += duration
         share = max(duration / self._time, min(duration / _MEMORY, 1.0))
         # a lean along y is a rotation about -x
@@ -104,7 +106,7 @@ class BodyLean:
 
     def found(self, stiffness: Array) -> Leaning | None:
         """Return how the body leans, None while its sensors explain it; ``stiffness`` of the mounts, shape (M, 3) [N/m]."""
-        if not self._possible or self._time < _LEAST_TIME:
+        if self._time < _LEAST_TIME:
             return None
         g, gravity = self._geometry, self._geometry.vehicle.gravity
         # rotations by a specific force along x, y and z, and by a CG off along x and y
