@@ -23,9 +23,8 @@ from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
 
-#: share of the bodies without a load that lean by less, at first and while one does: with a load in one drive of four, which
-#: turns a body on soft mounts by a degree (rms), one that leans by more has a load as likely as not
-_CERTAINLY, _STILL = 0.99, 0.95
+#: share of the bodies without a load that lean by less, at first (three standard deviations) and while one does
+_CERTAINLY, _STILL = 0.9973, 0.99
 #: time before anything is stated [s]
 _LEAST_TIME = 10.0
 #: memory [s]

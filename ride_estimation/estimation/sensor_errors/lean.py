@@ -51,9 +51,11 @@ class LeanOfBases:
         self._at, self._gravity = list(own), geometry.vehicle.gravity
         self._turned = np.array([o.misalignment for o in own.values()]).reshape(-1, 1) ** 2
         self._biased = np.array([o.bias for o in own.values()]).reshape(-1, 1) ** 2
-        body = [s.stated_installation.offset(self._gravity) for s in geometry.body_sensors]
-        #: variance of the mean of the sensors of the body, over gravity
-        self._body = float(np.sum(np.square(body))) / max(len(body), 1) ** 2 / self._gravity**2
+        # whether they lean together is a test for a fault: at least what is usual
+        sides = geometry.body_sensors, [s for s in geometry.base_sensors if s is not None and s.triaxial]
+        wrong = [[s.tolerated_installation.offset(self._gravity) / self._gravity for s in side] for side in sides]
+        #: variance of how far the mean of the bases leans against that of the body
+        self._together = float(sum(np.sum(np.square(w)) / max(len(w), 1) ** 2 for w in wrong))
         #: lean before anything was read
         self.stated = Lean(np.zeros((len(geometry.mounts), 2)), *np.zeros((2, 2)))
         self.stated.std[self._at] = np.sqrt(self._turned)
@@ -75,4 +77,4 @@ class LeanOfBases:
         share, shown = self._turned / np.maximum(whole, 1e-300), reading - common
         std = np.zeros_like(self.stated.std)
         std[self._at] = np.sqrt((share * shown) ** 2 + self._turned * (1.0 - share))
-        return Lean(std, common, np.sqrt(self._body + np.mean(whole, axis=0) / len(self._at)))
+        return Lean(std, common, np.sqrt(self._together + np.mean(variance[self._at], axis=0) / len(self._at) / self._gravity**2))
