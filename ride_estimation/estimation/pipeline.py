@@ -305,10 +305,10 @@ class Pipeline:
         before, predicted, usable = self._stamp, motion.predicted, complete and (whole or bool(there.all()))
         missing = self._forces.missing
         # parameters are learned with the CG of the file as long as nothing but a lean speaks against it
-        carried = support if self._leaning is None else support + self._unmoved(motion)
+        learned = support if self._leaning is None else support + self._unmoved(motion)
 
         def learn() -> bool:
-            self._learn(motion, deflection, turn_rate, carried, complete, before, dt)
+            self._learn(motion, deflection, turn_rate, learned, complete, before, dt)
             if usable:
                 self._hints.observe(support, missing, dt)
             else:
@@ -446,7 +446,7 @@ class Pipeline:
         spoke, measured = np.asarray(base_ok.all(axis=1)), base_ok & motion.valid[:, None]
         self._forces.bases_measured(bool(measured.all()))
         base, base_ok = self._fill.fill(base, base_ok, ticks * dt)
-        self._parameters.errors.lean = self._deflection.lean
+        self._parameters.errors.constant = self._deflection.constant
         self._deflection.forget_bias(self._fill.returned)
         if self._checks.bases_inconsistent:
             self._fill.suspect()
@@ -489,7 +489,7 @@ class Pipeline:
         if complete:
             self._shown.observe(deflection.deflection.reshape(len(support), -1), dt)
             ground = mean_of_ticks(deflection.base.reshape(len(support), -1)).reshape(-1, 3)
-            self._lean.observe(ground, mean_of_ticks(motion.motion[:, :3]), p.errors.lean.common_std, len(support) * dt)
+            self._lean.observe(ground, mean_of_ticks(motion.motion[:, :3]), len(support) * dt)
             self._travel.observe(self._forces.missing / self._factor, deflection.rate[:, :, 2], len(support) * dt)
         if moved or self._run_time >= self._next_reference:
             self._next_reference = self._run_time + 1.0
@@ -517,7 +517,7 @@ class Pipeline:
         found = self._loaded
         # a faulty sensor of the body leans it too
         faulty = self._motion.contradicting(_CONTRADICTION**2)
-        self._leaning = None if found or faulty else self._lean.found(self._law.stiffness)
+        self._leaning = None if found or faulty else self._lean.found(self._law.stiffness, p.errors.lean.common_std)
         reference.leaning = self._leaning
         reference.moved_cg = self._cg_offset() if found else None
         reference.possible_load = self._possible_load() if (p.loaded or self._leaning) and self._load is None else (0.0, 0.0)

@@ -53,13 +53,13 @@ def stood(turned: np.ndarray, seconds: float = 30.0, geometry: Geometry = GEOMET
     """A body that stood turned."""
     found = BodyLean(geometry)
     for _ in range(round(seconds)):
-        found.observe(bases(turned, force), force, STD, 1.0)
+        found.observe(bases(turned, force), force, 1.0)
     return found
 
 
 def test_a_load_on_soft_mounts_shows_where_it_moves_the_cg():
     soft = STIFFNESS / 5.0
-    found = stood(turned_by_load(OFFSET, soft)).found(soft)
+    found = stood(turned_by_load(OFFSET, soft)).found(soft, STD)
     assert found is not None
     assert np.allclose(found.offset, OFFSET, atol=1e-9)
     # drawn errors of eight sensors, each with a bias of 0.02 m/s^2 and an angle of 0.004 rad
@@ -72,18 +72,18 @@ def test_a_load_on_soft_mounts_shows_where_it_moves_the_cg():
 
 def test_what_its_sensors_may_err_by_is_no_load():
     std = STD[0]
-    assert stood(np.array([2.8 * std, 0.0])).found(STIFFNESS) is None
-    assert stood(np.array([3.6 * std, 0.0])).found(STIFFNESS) is not None
+    assert stood(np.array([2.8 * std, 0.0])).found(STIFFNESS, STD) is None
+    assert stood(np.array([3.6 * std, 0.0])).found(STIFFNESS, STD) is not None
     # too short
-    assert stood(np.array([9.0 * std, 0.0]), 9.0).found(STIFFNESS) is None
+    assert stood(np.array([9.0 * std, 0.0]), 9.0).found(STIFFNESS, STD) is None
 
 
 def test_a_load_does_not_flicker():
     std = STD[0]
     more, less = stood(np.array([3.6 * std, 0.0])), stood(np.array([3.2 * std, 0.0]))
-    assert less.found(STIFFNESS) is None and more.found(STIFFNESS) is not None
+    assert less.found(STIFFNESS, STD) is None and more.found(STIFFNESS, STD) is not None
     less.load({**less.save(), "leans": more.save()["leans"]})
-    assert less.found(STIFFNESS) is not None
+    assert less.found(STIFFNESS, STD) is not None
 
 
 def test_a_slope_or_a_bend_is_no_load_and_hides_none():
@@ -93,33 +93,33 @@ def test_a_slope_or_a_bend_is_no_load_and_hides_none():
     force = 9.80665 * np.array([0.0, np.sin(0.08), np.cos(0.08)])
     sloped = np.linalg.solve(stiffness, np.append(-GEOMETRY.body.mass.value * (force - LEVEL), np.zeros(3)))[3:5]
     assert np.linalg.norm(sloped) > np.radians(0.6)
-    assert stood(sloped, force=force).found(soft) is None and stood(sloped).found(soft) is not None
-    both = stood(sloped + turned_by_load(OFFSET, soft), force=force).found(soft)
+    assert stood(sloped, force=force).found(soft, STD) is None and stood(sloped).found(soft, STD) is not None
+    both = stood(sloped + turned_by_load(OFFSET, soft), force=force).found(soft, STD)
     assert both is not None and np.allclose(both.offset, OFFSET, atol=1e-6)
 
 
 def test_a_saved_state_continues_alike_and_a_restart_forgets():
     first = stood(turned_by_load(4.0 * OFFSET))
-    first.found(STIFFNESS)
+    first.found(STIFFNESS, STD)
     second = BodyLean(GEOMETRY)
     second.load(first.save())
     for body in (first, second):
-        body.observe(bases(turned_by_load(4.4 * OFFSET)), LEVEL, STD, 1.0)
-    ours, theirs = (body.found(STIFFNESS) for body in (first, second))
+        body.observe(bases(turned_by_load(4.4 * OFFSET)), LEVEL, 1.0)
+    ours, theirs = (body.found(STIFFNESS, STD) for body in (first, second))
     assert ours is not None and theirs is not None and np.array_equal(ours.offset, theirs.offset)
     first.reset()
-    assert first.found(STIFFNESS) is None
+    assert first.found(STIFFNESS, STD) is None
 
 
 def test_a_body_on_bases_without_sensors_shows_no_lean():
     vehicle = load_vehicle("truck_cab")
     sensors = {n: s for n, s in vehicle.sensors.items() if n != "chassis_front_left"}
     three = geometry_of(dataclasses.replace(vehicle, sensors=sensors))
-    assert stood(np.array([0.1, 0.0]), geometry=three).found(STIFFNESS) is None
+    assert stood(np.array([0.1, 0.0]), geometry=three).found(STIFFNESS, STD) is None
     free = geometry_of(dataclasses.replace(vehicle, mounts={}))
     body = BodyLean(free)
-    body.observe(np.zeros((0, 3)), LEVEL, STD, 30.0)
-    assert body.found(np.zeros((0, 3))) is None
+    body.observe(np.zeros((0, 3)), LEVEL, 30.0)
+    assert body.found(np.zeros((0, 3)), STD) is None
 
 
 def driven(monkeypatch: pytest.MonkeyPatch, leaning: Leaning | None, even_odds: bool = True) -> tuple[Pipeline, OutputBlock]:
@@ -128,7 +128,7 @@ def driven(monkeypatch: pytest.MonkeyPatch, leaning: Leaning | None, even_odds: 
     cab = random_vehicle(rng, "air")
     run = drive(cab, Road.random(rng), 12.0, 0, step=1e-3)
     data = measure(run, random_sensors(cab, rng), 100.0, 0, noise_share=0.01)
-    monkeypatch.setattr(BodyLean, "found", lambda self, stiffness: leaning)
+    monkeypatch.setattr(BodyLean, "found", lambda self, stiffness, std: leaning)
     pipeline = Pipeline(believed_vehicle(data, seed=0))
     if not even_odds:
         never = property(lambda self: False, lambda self, value: None)

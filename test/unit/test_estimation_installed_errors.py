@@ -130,7 +130,7 @@ def test_standard_deviations_are_those_of_the_installation_and_of_many_sensors()
     assert errors.count == 10 + 4 * 8 + 8
     assert np.allclose(errors.std, np.concatenate([body, base * 4, [USUAL.gain] * 8]))
     # a body that all bases say leans by half a degree about x
-    errors.lean = dataclasses.replace(errors.lean, common=np.array([0.0, np.radians(0.5)]))
+    errors.constant = np.tile([0.0, np.radians(0.5) * 9.80665], (4, 1)), np.zeros((4, 2))
     assert np.isclose(errors.std[0], np.radians(0.5)) and np.allclose(errors.std[1:10], body[1:])
 
 

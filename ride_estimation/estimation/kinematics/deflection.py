@@ -17,7 +17,6 @@ from ride_estimation.estimation.kinematics.bracket_tilt import BracketTilt
 from ride_estimation.estimation.kinematics.deflection_kernel import deflection_block
 from ride_estimation.estimation.motion.motion_block import MotionBlock
 from ride_estimation.estimation.motion.slow_error import LastingAcceleration, with_slow_error
-from ride_estimation.estimation.sensor_errors.lean import Lean, LeanOfBases
 from ride_estimation.frames import AXES
 
 Array = NDArray[np.float64]
@@ -133,7 +132,6 @@ class DeflectionEstimator:
         for i, a, variance in self._slots:
             self._transducer_variance[i, a] = variance
             self.has_transducer[i, a] = True
-        self._bases = LeanOfBases(geometry)
         #: whether the deflections of the last block began from rest because equilibrium contradicted them
         self.began_anew = False
         self.reset()
@@ -185,9 +183,9 @@ class DeflectionEstimator:
             self._p[i, :, 2, 2] += _BIAS_STD**2
 
     @property
-    def lean(self) -> Lean:
-        """Return how far the base sensors lean: the constant part of the relative acceleration shows it."""
-        return self._bases.of(-self._state[2, :, :2], self._p[:, :2, 2, 2])
+    def constant(self) -> tuple[Array, Array]:
+        """Return the constant horizontal readings of the bases against the body and their variance, shape (M, 2) each."""
+        return -self._state[2, :, :2], self._p[:, :2, 2, 2].copy()
 
     def observe(
         self,

@@ -30,7 +30,7 @@ _LEAST_TIME = 10.0
 #: memory [s]
 _MEMORY = 120.0
 #: attributes that are part of a saved state
-_SAVED = ("_mean", "_force", "_std", "_time", "_leans")
+_SAVED = ("_mean", "_force", "_time", "_leans")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,17 +78,14 @@ class BodyLean:
         """Forget everything."""
         self._mean, self._time, self._leans = np.zeros(2), 0.0, False
         self._force = np.array([0.0, 0.0, self._geometry.vehicle.gravity])
-        self._std = np.zeros(2)
 
-    def observe(self, base: Array, force: Array, std: Array, duration: float) -> None:
+    def observe(self, base: Array, force: Array, duration: float) -> None:
         """Add mean readings.
 
         Parameters
         ----------
         base, force
             Specific force of the bases, axes of the brackets, (M, 3), and of the body, (3,) [m/s^2].
-        std
-            Standard deviation of the lean along x and y that sensors leave, shape (2,) [rad].
         duration
             [s].
         """
@@ -101,12 +98,20 @@ class BodyLean:
         turned = np.array([-y, x])
         self._mean = self._mean + share * (turned - self._mean)
         self._force = self._force + share * (force - self._force)
-        self._std = std[::-1]
 
-    def found(self, stiffness: Array) -> Leaning | None:
-        """Return how the body leans, None while its sensors explain it; ``stiffness`` of the mounts, shape (M, 3) [N/m]."""
+    def found(self, stiffness: Array, std: Array) -> Leaning | None:
+        """Return how the body leans, None while its sensors explain it.
+
+        Parameters
+        ----------
+        stiffness
+            Of the mounts, shape (M, 3) [N/m].
+        std
+            Standard deviation of the lean along x and y that sensors leave, shape (2,) [rad].
+        """
         if self._time < _LEAST_TIME:
             return None
+        variance = std[::-1] ** 2
         g, gravity = self._geometry, self._geometry.vehicle.gravity
         # rotations by a specific force along x, y and z, and by a CG off along x and y
         moved = np.zeros((6, 5))
@@ -114,11 +119,11 @@ class BodyLean:
         turned = -g.body.mass.value * np.linalg.solve((g.wrench * stiffness.ravel()) @ g.wrench.T, moved)[3:5]
         angle = self._mean - turned[:, :3] @ (self._force - [0.0, 0.0, gravity])
         bound = stats.chi2.ppf(_STILL if self._leans else _CERTAINLY, 2)
-        self._leans = bool(np.sum(angle**2 / np.maximum(self._std**2, 1e-300)) > bound)
+        self._leans = bool(np.sum(angle**2 / np.maximum(variance, 1e-300)) > bound)
         if not self._leans:
             return None
         place = np.linalg.inv(turned[:, 3:])
-        spread = np.sqrt(place**2 @ self._std**2)
+        spread = np.sqrt(place**2 @ variance)
         return Leaning(angle, np.append(place @ angle, 0.0), np.append(spread, 0.0))
 
     def save(self) -> dict[str, Any]:

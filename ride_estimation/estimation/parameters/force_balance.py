@@ -162,8 +162,9 @@ class ForceBalance:
                 self._linear[i, a] = element is None or isinstance(element, KelvinVoigt)
         self._variants = None if self._linear.all() else [MountLaw(geometry) for _ in range(3)]
         self.turns, self.offsets, self._errors = turns, offsets, errors
-        #: number of columns of the second order: both horizontal axes of every mount
-        self.turned_count = 2 * self._count
+        #: axes that have a column of the second order, both horizontal ones of every mount, and their number
+        self._horizontal = np.arange(3 * self._count).reshape(-1, 3)[:, :2].ravel()
+        self.turned_count = len(self._horizontal)
         self._file_inverse = inverse_mass(geometry)
         self._file_mass = np.linalg.pinv(self._file_inverse, hermitian=True)
         self._tilting = tilting
@@ -279,7 +280,7 @@ class ForceBalance:
         read = base_x * self.law.stiffness.ravel() + base_v * self.law.damping.ravel()
         self.read_square += min(ticks * dt / _MEMORY, 1.0) * (np.mean(read**2, axis=0) - self.read_square)
         body = [self._errors.body_motion(own, of_base) for own, of_base in ((x, base_x), (v, base_v))]
-        signals = [accelerations, held, *body, *self.moved_bases, moved, elastic, viscous, rest]
+        signals = [accelerations, held, *body, *self.moved_bases, moved[:, self._horizontal], elastic, viscous, rest]
         return self._assemble(self._averaged(np.hstack(signals), average), n, dt * average)
 
     def _offset_columns(self, support: Array) -> Array:
@@ -324,7 +325,7 @@ class ForceBalance:
 
     def _assemble(self, stacked: Array, n: int, step: float) -> BalanceChunk:
         measured, follow_column = stacked[:, :6], stacked[:, 6:12]
-        widths = [6 * len(self.offsets), len(self.turns), 6, 6, n, n, n, n]
+        widths = [6 * len(self.offsets), len(self.turns), 6, 6, n, n, n, self.turned_count]
         placed, held, *moved, turned, forces = np.split(stacked[:, 12:], np.cumsum(widths), axis=1)
         elastic, viscous, rest = forces[:, :n], forces[:, n : 2 * n], forces[:, 2 * n :]
         modelled = (elastic + viscous + rest) @ self.push.T
@@ -334,8 +335,7 @@ class ForceBalance:
         last = offset + len(self.offsets)
         first = last + self.turned_count
         columns = np.zeros((len(stacked), 6, first + self._errors.count))
-        horizontal = np.arange(n).reshape(-1, 3)[:, :2].ravel()
-        columns[:, :, last:first] = turned[:, None, horizontal] * self.push[:, horizontal]
+        columns[:, :, last:first] = turned[:, None] * self.push[:, self._horizontal]
         body, base = (moved[0], moved[1]), (moved[2], moved[3], moved[4])
         columns[:, :, first:] = self._errors.columns(body, base, measured, self.push, self.law.stiffness, self.law.damping)
         columns[:, :, offset:last] = placed.reshape(len(stacked), len(self.offsets), 6).transpose(0, 2, 1)

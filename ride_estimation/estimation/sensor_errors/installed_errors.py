@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ride_estimation.estimation.common.geometry import Geometry
-from ride_estimation.estimation.sensor_errors.lean import LeanOfBases
+from ride_estimation.estimation.sensor_errors.lean import Lean, LeanOfBases
 from ride_estimation.frames import skew
 from ride_estimation.sensors.installation import pooled
 
@@ -72,8 +72,9 @@ class InstalledErrors:
         self._pattern *= geometry.base_observable[self.mount][:, :, None]
         self._late = np.flatnonzero(self._pattern[:, :, 6:].any(axis=(1, 2)))
         self.count = len(self._moved) + 1 + len(self.mount)
-        #: how far the base sensors lean
-        self.lean = LeanOfBases(geometry).stated
+        self._leans = LeanOfBases(geometry)
+        #: constant horizontal readings of the bases and their variance, as :meth:`LeanOfBases.of` takes them, None before any
+        self.constant: tuple[Array, Array] | None = None
 
     def body_motion(self, deflection: Array, base: Array) -> Array:
         """Return the motion of the body, (K, 6), of deflections and motions of the bases, (K, 3 M) each."""
@@ -116,18 +117,23 @@ class InstalledErrors:
         return np.asarray(np.matmul(self._pattern, at.transpose(1, 2, 0)))
 
     @property
+    def lean(self) -> Lean:
+        """Return how far the base sensors lean."""
+        return self._leans.stated if self.constant is None else self._leans.of(*self.constant)
+
+    @property
     def std(self) -> Array:
         """Return the standard deviation of every error, shape (E,)."""
-        body = self._body
+        body, lean = self._body, self.lean
         # a lean along y is a rotation about x
-        turned = np.maximum(body.misalignment, np.sqrt(self._many) * np.append(np.abs(self.lean.common[::-1]), 0.0))
+        turned = np.maximum(body.misalignment, np.sqrt(self._many) * np.append(np.abs(lean.common[::-1]), 0.0))
         own = np.append(turned, [body.gain] * 3 + [body.position] * 3 + [body.delay]) / np.sqrt(self._many)
         return np.append(own, self.std_of_bases)
 
     @property
     def std_of_bases(self) -> Array:
         """Return the standard deviation of every error of the bases, shape (B,)."""
-        found: list[float] = []
+        found, lean = list[float](), self.lean
         for i, own in self._bases.items():
-            found += [*self.lean.std[i, ::-1], own.misalignment, own.gain, *[own.position] * 3, own.delay]
+            found += [*lean.std[i, ::-1], own.misalignment, own.gain, *[own.position] * 3, own.delay]
         return np.array([*found, *(self._bases[place // 3].gain for place in self._judged)])

@@ -47,12 +47,12 @@ class LeanOfBases:
     """
 
     def __init__(self, geometry: Geometry) -> None:
-        own = {i: s.stated_installation for i, s in enumerate(geometry.base_sensors) if s is not None and s.triaxial}
-        self._at, self._gravity = list(own), geometry.vehicle.gravity
-        self._turned = np.array([o.misalignment for o in own.values()]).reshape(-1, 1) ** 2
-        self._biased = np.array([o.bias for o in own.values()]).reshape(-1, 1) ** 2
+        bases = {i: s for i, s in enumerate(geometry.base_sensors) if s is not None and s.triaxial}
+        self._at, self._gravity = list(bases), geometry.vehicle.gravity
+        self._turned = np.array([s.stated_installation.misalignment for s in bases.values()]).reshape(-1, 1) ** 2
+        self._biased = np.array([s.stated_installation.bias for s in bases.values()]).reshape(-1, 1) ** 2
         # whether they lean together is a test for a fault: at least what is usual
-        sides = geometry.body_sensors, [s for s in geometry.base_sensors if s is not None and s.triaxial]
+        sides = geometry.body_sensors, bases.values()
         wrong = [[s.tolerated_installation.offset(self._gravity) / self._gravity for s in side] for side in sides]
         #: variance of how far the mean of the bases leans against that of the body
         self._together = float(sum(np.sum(np.square(w)) / max(len(w), 1) ** 2 for w in wrong))
